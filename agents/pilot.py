@@ -22,7 +22,7 @@ from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputH
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
-from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
+from rcopterx.agents.separation.avoidance import NeighbourPlan, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator
 from rcopterx.control.references.trajectory import Trajectory
@@ -208,7 +208,7 @@ class Pilot:
     def control(
         self,
         plans: Mapping[str, LeaderPlan],
-        neighbours: Mapping[str, Neighbour] = _NOTHING,
+        neighbours: Mapping[str, NeighbourPlan] = _NOTHING,
         received: Mapping[str, Unpacked] = _NOTHING,
     ) -> ControlOutput:
         """Compute command and plan of the present control period, always finite and within the limits."""
@@ -234,7 +234,7 @@ class Pilot:
     def _fly(
         self,
         plans: Mapping[str, LeaderPlan],
-        neighbours: Mapping[str, Neighbour],
+        neighbours: Mapping[str, NeighbourPlan],
         received: Mapping[str, Unpacked],
     ) -> ControlOutput:
         """Return the output in the air: a step of the controller from the estimate along the reference."""

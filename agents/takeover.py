@@ -27,10 +27,10 @@ from rcopterx.bus.stepping import StepBus
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
+    ProfileTransition,
     ReferenceSource,
     SetPointReference,
     TimedPath,
-    Transition,
 )
 from rcopterx.formation.law import FollowedLeader, FormationOffset
 from rcopterx.vehicles.phases import Phase
@@ -170,7 +170,7 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
         np.array(intent.set_point.position_m), intent.set_point.yaw_rad
     )
     if intent.path is not None:
-        kind = PathReference if intent.path_requested else Transition
+        kind = PathReference if intent.path_requested else ProfileTransition
         source = kind(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
     assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
     joined: frozenset[str] = frozenset()

@@ -16,7 +16,7 @@ _COUNT, _PHASE = 0, 1
 _BYTES = 16
 
 
-class Phase(IntEnum):
+class LoopPhase(IntEnum):
     """What a process reports beside the count."""
 
     STARTING = 0  # its loop does not run yet
@@ -35,15 +35,15 @@ class Heartbeat:
     def beat(self, flying: bool = False) -> None:
         """Count a turn of the loop; `flying` if a rotor is known to turn."""
         self._words[_COUNT] += 1
-        self._words[_PHASE] = Phase.FLYING if flying else Phase.WORKING
+        self._words[_PHASE] = LoopPhase.FLYING if flying else LoopPhase.WORKING
 
     def starting(self) -> None:
         """Request the longer limit that applies until the loop runs; for a spare that takes over."""
-        self._words[_PHASE] = Phase.STARTING
+        self._words[_PHASE] = LoopPhase.STARTING
 
     def ending(self) -> None:
         """Request the longer limit that applies after the loop has ended."""
-        self._words[_PHASE] = Phase.ENDING
+        self._words[_PHASE] = LoopPhase.ENDING
 
 
 class HeartbeatPage:
@@ -69,10 +69,10 @@ class HeartbeatPage:
         return self._words[_COUNT]
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> LoopPhase:
         """Phase that the process reports."""
         value = self._words[_PHASE]
-        return Phase(value) if value <= Phase.ENDING else Phase.STARTING
+        return LoopPhase(value) if value <= LoopPhase.ENDING else LoopPhase.STARTING
 
 
 @cache

@@ -10,7 +10,7 @@ import msgspec
 
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
 from rcopterx.flights.flights import SUFFIX, Flight, missing_parts
-from rcopterx.flights.mcap_reading import Contents, contents_of, messages_of
+from rcopterx.flights.mcap_reading import LogContents, contents_of, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import McapFile
 
@@ -42,7 +42,7 @@ class FlightSummary:
 
 def summary_of(flight: Flight) -> FlightSummary:
     """Return the summary of a flight, without its messages."""
-    problem, contents = "", [Contents()]
+    problem, contents = "", [LogContents()]
     vehicles: tuple[str, ...] = ()
     try:
         contents = [contents_of(path) for path in flight.parts]
@@ -90,7 +90,7 @@ def mend(path: Path) -> Mended:
 
     Raises `FlightLogError` if it is no log, is being recorded, or has been mended before.
     """
-    contents, read, count = contents_of(path), Contents(), 0
+    contents, read, count = contents_of(path), LogContents(), 0
     if is_recorded(path):
         raise FlightLogError(f"{path}: is being recorded")
     target = path.with_name(path.name.removesuffix(SUFFIX) + RECOVERED)

@@ -24,7 +24,7 @@ _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish
 
 
 @dataclass
-class Contents:
+class LogContents:
     """What a file holds besides messages, and what of it is missing, once it is read to its end."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -35,28 +35,28 @@ class Contents:
     recorded: int = 0  # messages that the summary counts, 0 without an intact one
 
 
-def messages_of(path: Path, contents: Contents | None = None) -> Iterator[LoggedMessage]:
+def messages_of(path: Path, contents: LogContents | None = None) -> Iterator[LoggedMessage]:
     """Yield the messages of a file in order of recording, filling `contents`; or `FlightLogError`.
 
     Damaged records are left out and noted.
     """
-    contents = Contents() if contents is None else contents
+    contents = LogContents() if contents is None else contents
     channels: dict[int, str] = {}
     with _opened(path) as file:
         for records in _chunks_of(file, contents, channels):
             yield from _messages(records, channels, contents)
 
 
-def contents_of(path: Path) -> Contents:
+def contents_of(path: Path) -> LogContents:
     """Return what a file holds besides messages, and whether it is intact; errors as in `messages_of`."""
-    contents = Contents()
+    contents = LogContents()
     with _opened(path) as file:
         for _ in _chunks_of(file, contents, {}):
             pass
     return contents
 
 
-def _chunks_of(file: BinaryIO, contents: Contents, channels: dict[int, str]) -> Iterator[bytes]:
+def _chunks_of(file: BinaryIO, contents: LogContents, channels: dict[int, str]) -> Iterator[bytes]:
     """Yield the records of every intact chunk, and note everything else."""
     walk, summary = RecordWalk(file), None
     for record in walk:
@@ -89,7 +89,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
         raise FlightLogError(f"{path}: not a flight log: {error}") from None
 
 
-def _messages(records: bytes, channels: dict[int, str], contents: Contents) -> Iterator[LoggedMessage]:
+def _messages(records: bytes, channels: dict[int, str], contents: LogContents) -> Iterator[LoggedMessage]:
     start = 0
     while start < len(records):
         opcode, length = HEAD.unpack_from(records, start)

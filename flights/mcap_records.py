@@ -38,7 +38,7 @@ class FlightLogError(ValueError):
     """The file is not a flight log, or cannot be read; says which one and why."""
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """An intact record; the content of a chunk is its records, decompressed."""
 
     opcode: int
@@ -68,7 +68,7 @@ class RecordWalk:
         self.missing: list[str] = []  # sentences about damaged places and what was there
         self._first_ns = self._last_ns = 0
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[McapRecord]:
         self._file.seek(0)
         begins = self._file.read(len(MAGIC)) == MAGIC
         at, checksum = len(MAGIC) if begins else 0, zlib.crc32(MAGIC)
@@ -91,7 +91,7 @@ class RecordWalk:
             yield record
             at, checksum = record.end, record.checksum
 
-    def _end(self, record: Record, checksum: int) -> None:
+    def _end(self, record: McapRecord, checksum: int) -> None:
         """Judge the whole file at the end of its records."""
         summary = _summary_bytes(self._file, self._size)
         (declared,) = _CHECKSUM.unpack(record.content)
@@ -103,7 +103,7 @@ class RecordWalk:
             self.missing.append("its checksum is wrong: bits outside of the messages are damaged")
         self.complete = not self.missing
 
-    def _record_at(self, at: int, checksum: int) -> Record | None:
+    def _record_at(self, at: int, checksum: int) -> McapRecord | None:
         self._file.seek(at)
         head = self._file.read(HEAD.size)
         if len(head) < HEAD.size:
@@ -117,11 +117,11 @@ class RecordWalk:
         if content is None:
             return None
         checksum = zlib.crc32(body, zlib.crc32(head, checksum))
-        return Record(
+        return McapRecord(
             opcode, content, at, end, checksum, _span_ns(body) if opcode == Opcode.CHUNK else (0, 0)
         )
 
-    def _resumed(self, at: int) -> Record | None:
+    def _resumed(self, at: int) -> McapRecord | None:
         """Return the next intact record from a damaged place on, and note the gap."""
         summary = summary_at_end(self._file)
         known = [*summary.offsets, summary.start - _DATA_END_BYTES]
@@ -145,7 +145,7 @@ class RecordWalk:
             return f"messages after {after_s:.2f} s of the file"
         return f"messages between {after_s:.2f} and {(next_ns - self._first_ns) / NANO:.2f} s of the file"
 
-    def _next_chunk(self, at: int, limit: int) -> Record | None:
+    def _next_chunk(self, at: int, limit: int) -> McapRecord | None:
         """Return the first chunk that begins in a range, recognised by its compression and its checksum."""
         while at < limit:
             self._file.seek(at)
@@ -162,7 +162,7 @@ class RecordWalk:
             at += WINDOW_BYTES - _NAME_AT - len(_NAME) + 1
         return None
 
-    def _chunk_at(self, start: int) -> Record | None:
+    def _chunk_at(self, start: int) -> McapRecord | None:
         """Return a chunk whatever its head declares."""
         self._file.seek(start + HEAD.size)
         fixed = self._file.read(_CHUNK.size + len(COMPRESSION) + _LENGTH.size)
@@ -173,7 +173,7 @@ class RecordWalk:
         if length > MAX_RECORD_BYTES or end > self._size:
             return None
         content = chunk_data(fixed + self._file.read(length))
-        return None if content is None else Record(Opcode.CHUNK, content, start, end, 0, _span_ns(fixed))
+        return None if content is None else McapRecord(Opcode.CHUNK, content, start, end, 0, _span_ns(fixed))
 
 
 def _intact(opcode: int, body: bytes) -> bytes | None:

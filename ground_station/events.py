@@ -27,7 +27,7 @@ QUIET_COUNTS: Final = frozenset({"not_converged"})  # fallbacks that happen too 
 
 
 @dataclass(frozen=True)
-class Event:
+class LoggedEvent:
     """An event of a vehicle or another unit; `count` is 0 for events that are not counted."""
 
     time_s: float
@@ -49,7 +49,7 @@ class EventFeed:
         self._states: dict[str, VehicleState] = {}
         self._killed_s = float("-inf")
 
-    def take(self, unit: str, message: Message, time_s: float) -> list[Event]:
+    def take(self, unit: str, message: Message, time_s: float) -> list[LoggedEvent]:
         """Events of a message that a unit sent, with the given time."""
         match message:
             case AgentStatus() | TransmitterStatus():
@@ -57,13 +57,15 @@ class EventFeed:
             case AnsweredRequest():
                 return list(_request(unit, message, time_s))
             case LauncherEvent():
-                return [Event(time_s, unit, message.text)]
+                return [LoggedEvent(time_s, unit, message.text)]
             case Kill():
                 return list(self._kill(message, time_s))
             case _:
                 return []
 
-    def _vehicle(self, name: str, status: AgentStatus | TransmitterStatus, time_s: float) -> Iterator[Event]:
+    def _vehicle(
+        self, name: str, status: AgentStatus | TransmitterStatus, time_s: float
+    ) -> Iterator[LoggedEvent]:
         before = self._states.get(name, VehicleState(name))
         if isinstance(status, AgentStatus):
             first, after = before.agent is None, replace(before, agent=status)
@@ -73,14 +75,14 @@ class EventFeed:
         if not first:
             yield from changes(time_s, before, after)
 
-    def _kill(self, kill: Kill, time_s: float) -> Iterator[Event]:
+    def _kill(self, kill: Kill, time_s: float) -> Iterator[LoggedEvent]:
         if time_s - self._killed_s > KILL_PAUSE_S:
             vehicles = ", ".join(kill.vehicles) or "all vehicles"
-            yield Event(time_s, kill.source, f"KILL {vehicles}: {kill.reason}", True)
+            yield LoggedEvent(time_s, kill.source, f"KILL {vehicles}: {kill.reason}", True)
         self._killed_s = time_s
 
 
-def _request(unit: str, answered: AnsweredRequest, time_s: float) -> Iterator[Event]:
+def _request(unit: str, answered: AnsweredRequest, time_s: float) -> Iterator[LoggedEvent]:
     verb = VERBS.get(answered.verb)
     if verb is None or answered.verb in QUIET_VERBS:
         return
@@ -89,14 +91,14 @@ def _request(unit: str, answered: AnsweredRequest, time_s: float) -> Iterator[Ev
     except RejectedError:
         return
     text = answered.verb if reply.accepted else f"{answered.verb} refused: {reply.reason}"
-    yield Event(time_s, unit, text, not reply.accepted)
+    yield LoggedEvent(time_s, unit, text, not reply.accepted)
 
 
 class Timeline:
     """The newest events of a fleet, from one set of states to the next."""
 
     def __init__(self) -> None:
-        self.events: deque[Event] = deque(maxlen=KEPT)
+        self.events: deque[LoggedEvent] = deque(maxlen=KEPT)
         self._before: dict[str, VehicleState] = {}
 
     def compare(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
@@ -108,7 +110,7 @@ class Timeline:
                     self._add(event)
         self._before = dict(states)
 
-    def _add(self, event: Event) -> None:
+    def _add(self, event: LoggedEvent) -> None:
         """Add an event, or its count to a recent line with the same text."""
         if event.count:
             for number in range(len(self.events) - 1, -1, -1):
@@ -121,35 +123,35 @@ class Timeline:
         self.events.append(event)
 
 
-def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator[Event]:
+def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator[LoggedEvent]:
     """Events of a vehicle between two states of it."""
     name = after.name
     if after.phase != before.phase:
-        yield Event(now_s, name, f"{before.phase} → {after.phase}")
+        yield LoggedEvent(now_s, name, f"{before.phase} → {after.phase}")
     if after.transmitter_state != before.transmitter_state and after.transmitter is not None:
         text = f"transmitter {after.transmitter_state}: {after.reason}"
-        yield Event(now_s, name, text, after.alarming)
+        yield LoggedEvent(now_s, name, text, after.alarming)
     if before.agent is None or after.agent is None:
         return
     old, new = before.agent, after.agent
     if new.diagnostics.process != old.diagnostics.process:
-        yield Event(now_s, name, "another process of its agent took over", True)
+        yield LoggedEvent(now_s, name, "another process of its agent took over", True)
     if after.assigned != before.assigned:
         leaders = ", ".join(link.leader for link in after.assigned)
-        yield Event(now_s, name, f"follows {leaders}" if leaders else "leads")
+        yield LoggedEvent(now_s, name, f"follows {leaders}" if leaders else "leads")
     if new.following_mode != old.following_mode:
-        yield Event(now_s, name, f"leader: {new.following_mode}", new.following_mode != "follow")
+        yield LoggedEvent(now_s, name, f"leader: {new.following_mode}", new.following_mode != "follow")
     for what, was, now in (
         ("controller", old.diagnostics.controller, new.diagnostics.controller),
         ("estimator", old.diagnostics.estimator, new.diagnostics.estimator),
         ("flown by", old.diagnostics.client or "its agent", new.diagnostics.client or "its agent"),
     ):
         if was != now:
-            yield Event(now_s, name, f"{what} {now}")
+            yield LoggedEvent(now_s, name, f"{what} {now}")
     missed = new.diagnostics.missed_ticks - old.diagnostics.missed_ticks
     if missed > 0:
-        yield Event(now_s, name, "missed control period", True, missed)
+        yield LoggedEvent(now_s, name, "missed control period", True, missed)
     for kind, count in new.diagnostics.fallbacks.items():
         more = count - old.diagnostics.fallbacks.get(kind, 0)
         if more > 0 and kind not in QUIET_COUNTS:
-            yield Event(now_s, name, kind, count=more)
+            yield LoggedEvent(now_s, name, kind, count=more)

@@ -9,7 +9,7 @@ from typing import ClassVar
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG, BatteryLog
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
-from rcopterx.radios.set_points import FullStick, SetPoint, SetPointRadio
+from rcopterx.radios.set_points import AttitudeSetPoint, FullStick, SetPointRadio
 
 LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
 
@@ -49,7 +49,7 @@ class CrazyflieProtocol(SetPointRadio):
         """See `SetPointRadio`."""
         return crtp.NULL_PACKET
 
-    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+    def _set_point_frame(self, point: AttitudeSetPoint, *, armed: bool, kill: bool) -> bytes:
         """Build a frame; a kill stops the motors until the vehicle restarts."""
         packets = [crtp.set_point_packet(point)]
         if kill:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from msgspec import Struct, structs
 
 from rcopterx.radios.protocol import FrameDecodeError, ProtocolError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 
 NULL_PACKET = b"\xff"  # carries nothing; asks whether a vehicle is there, and answers so
 LONGEST_DATA = 30
@@ -49,21 +49,21 @@ class Packet(Struct, frozen=True):
         return Packet(raw[0] >> 4, raw[0] & 0x03, raw[1:])
 
 
-def set_point_packet(point: SetPoint) -> Packet:
+def set_point_packet(point: AttitudeSetPoint) -> Packet:
     """Encode a set point; the first one after the start has to be without thrust."""
     thrust = round(FULL_THRUST * point.thrust)
     data = _SET_POINT.pack(point.roll_deg, point.pitch_deg, point.yaw_rate_deg_s, thrust)
     return Packet(COMMANDER, 0, data)
 
 
-def set_point_of(packet: Packet) -> SetPoint:
+def set_point_of(packet: Packet) -> AttitudeSetPoint:
     """Decode; raises `FrameDecodeError` for another packet, and for angles that are not finite."""
     if (packet.port, packet.channel) != (COMMANDER, 0) or len(packet.data) != _SET_POINT.size:
         raise FrameDecodeError("crtp: no set point")
     roll, pitch, yaw_rate, thrust = _SET_POINT.unpack(packet.data)
     if not all(map(math.isfinite, (roll, pitch, yaw_rate))):
         raise FrameDecodeError("crtp: a set point that is not finite")
-    return SetPoint(roll, pitch, yaw_rate, thrust / FULL_THRUST)
+    return AttitudeSetPoint(roll, pitch, yaw_rate, thrust / FULL_THRUST)
 
 
 class SupervisorState(Struct, frozen=True):

@@ -12,7 +12,7 @@ from pymavlink.quaternion import QuaternionBase
 from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import AutopilotState
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
-from rcopterx.radios.set_points import SetPoint, SetPointRadio
+from rcopterx.radios.set_points import AttitudeSetPoint, SetPointRadio
 
 HEARTBEAT_S = 0.5
 REQUEST_S = 0.25  # commands are repeated so often until they are obeyed
@@ -55,7 +55,7 @@ class MavlinkProtocol(SetPointRadio):
 
     # Frames -------------------------------------------------------------------------------------------
 
-    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+    def _set_point_frame(self, point: AttitudeSetPoint, *, armed: bool, kill: bool) -> bytes:
         """Build a frame; a kill stops the motors at once."""
         urgent = armed is not self._armed or (kill and self._state.armed is not False)
         self._arming = armed and (self._arming or not self._armed)
@@ -83,7 +83,7 @@ class MavlinkProtocol(SetPointRadio):
         values = [*parameters, *([0.0] * (7 - len(parameters)))]
         return self._packed(mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
 
-    def _set_point(self, point: SetPoint) -> list[bytes]:
+    def _set_point(self, point: AttitudeSetPoint) -> list[bytes]:
         if self._state.attitude_rad is None:
             return []
         yaw_rad = self._state.attitude_rad[2]
@@ -236,7 +236,7 @@ def packed(mav: mavlink.MAVLink, message: Any) -> bytes:
     return packet
 
 
-def set_point_of(message: Any) -> tuple[SetPoint, float]:
+def set_point_of(message: Any) -> tuple[AttitudeSetPoint, float]:
     """Return set point and heading, clockwise from north [rad], or raise `FrameDecodeError`."""
     if not all(map(math.isfinite, (*message.q, message.body_yaw_rate, message.thrust))):
         raise FrameDecodeError("mavlink: a set point that is not finite")
@@ -245,4 +245,4 @@ def set_point_of(message: Any) -> tuple[SetPoint, float]:
         raise FrameDecodeError("mavlink: a set point that is no rotation")
     roll_rad, pitch_rad, yaw_rad = QuaternionBase([part / length for part in message.q]).euler
     roll_deg, pitch_deg, yaw_rate_deg_s = map(math.degrees, (roll_rad, pitch_rad, message.body_yaw_rate))
-    return SetPoint(roll_deg, pitch_deg, yaw_rate_deg_s, min(max(message.thrust, 0.0), 1.0)), yaw_rad
+    return AttitudeSetPoint(roll_deg, pitch_deg, yaw_rate_deg_s, min(max(message.thrust, 0.0), 1.0)), yaw_rad

@@ -18,7 +18,7 @@ VOLTAGE_KEPT_S = 10.0  # vehicles report it once a second
 LOW_US = base.CENTER_US - FULL_STICK_US
 
 
-class SetPoint(Struct, frozen=True):
+class AttitudeSetPoint(Struct, frozen=True):
     """Roll to the right, pitch nose up, yaw clockwise from above; `thrust` is a share of the full one."""
 
     roll_deg: float = 0.0
@@ -42,18 +42,18 @@ class FullStick:
             if not 0 < value <= highest:
                 raise base.ProtocolError(f"{field}: {value} must be positive and at most {highest:g}")
 
-    def set_point(self, pulses_us: Sequence[float]) -> SetPoint:
+    def set_point(self, pulses_us: Sequence[float]) -> AttitudeSetPoint:
         """Set point of throttle, aileron, elevator and rudder [us]."""
         tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
         thrust = (pulses_us[base.THROTTLE] - LOW_US) / (2 * FULL_STICK_US)
-        return SetPoint(
+        return AttitudeSetPoint(
             tilt * (pulses_us[base.AILERON] - base.CENTER_US),
             -tilt * (pulses_us[base.ELEVATOR] - base.CENTER_US),
             yaw_rate * (pulses_us[base.RUDDER] - base.CENTER_US),
             min(max(thrust, 0.0), 1.0),
         )
 
-    def pulses_us(self, point: SetPoint, *, armed: bool) -> tuple[float, ...]:
+    def pulses_us(self, point: AttitudeSetPoint, *, armed: bool) -> tuple[float, ...]:
         """Throttle, aileron, elevator, rudder and arming channel [us] of a set point."""
         tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
         return (
@@ -90,7 +90,7 @@ class SetPointRadio(base.RadioProtocol):
 
     def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
         armed = pulses_us[base.GEAR] > base.CENTER_US and not flags.kill
-        point = self.settings.set_point(pulses_us) if armed else SetPoint()
+        point = self.settings.set_point(pulses_us) if armed else AttitudeSetPoint()
         return self._set_point_frame(point, armed=armed, kill=flags.kill)
 
     @abstractmethod
@@ -106,7 +106,7 @@ class SetPointRadio(base.RadioProtocol):
         return b"".join(packets)
 
     @abstractmethod
-    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+    def _set_point_frame(self, point: AttitudeSetPoint, *, armed: bool, kill: bool) -> bytes:
         """Build the next frame; a kill stops the motors."""
 
     def link_opened(self, now_s: float) -> None:  # noqa: ARG002 - the interface gives the time

@@ -31,7 +31,7 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 
 
-class Verdict(NamedTuple):
+class KillVerdict(NamedTuple):
     """Outcome for one vehicle; `reason` is empty if its arbiter is KILLED."""
 
     fleet: str
@@ -134,7 +134,7 @@ def fleets_to_kill() -> list[RunningFleet]:
 
 def kill(
     fleets: Sequence[RunningFleet], vehicles: Sequence[str] = (), *, only: str | None = None
-) -> list[Verdict]:
+) -> list[KillVerdict]:
     """Cut the motors, again and again, until every arbiter reports KILLED or the time is over.
 
     `fleets` are those whose routers are used; without `vehicles`, or `only` a fleet, all behind them obey.
@@ -170,7 +170,7 @@ def kill(
     # Sessions must be closed before the interpreter ends.
     for thread in threads:
         thread.join()
-    return [Verdict(*pair, _problem(reported.get(pair))) for pair in sorted(wanted)]
+    return [KillVerdict(*pair, _problem(reported.get(pair))) for pair in sorted(wanted)]
 
 
 def _meant(name: str, vehicles: Sequence[str]) -> bool:
@@ -183,7 +183,9 @@ def _problem(state: str | None) -> str:
     return "its transmitter gateway does not respond" if state is None else f"its arbiter is {state.upper()}"
 
 
-def report(verdicts: Sequence[Verdict], vehicles: Sequence[str], fleets: Sequence[RunningFleet]) -> list[str]:
+def report(
+    verdicts: Sequence[KillVerdict], vehicles: Sequence[str], fleets: Sequence[RunningFleet]
+) -> list[str]:
     """A line for each vehicle, beginning with `error:` if it was not killed."""
     lines = [
         f"error: {one.fleet}: {one.vehicle} not killed: {one.reason}"

@@ -16,7 +16,7 @@ from rcopterx.radios.mavlink import FORCE, packed, set_point_of
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
@@ -66,7 +66,7 @@ class EmulatedAutopilot(UdpVehicle):
         self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
         self._flown_s = 0.0
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
-        self._set_point, self._heading_rad, self._hover = SetPoint(), 0.0, 0.5
+        self._set_point, self._heading_rad, self._hover = AttitudeSetPoint(), 0.0, 0.5
         self._landed_s: float | None = -math.inf  # since when it stands with low throttle; None in flight
 
     def switch_off(self) -> None:
@@ -256,11 +256,11 @@ class EmulatedAutopilot(UdpVehicle):
         """Note what the vehicle gets if it has changed."""
         self.note_pulses(now_s, self._settings.pulses_us(self._wanted(), armed=self.armed))
 
-    def _wanted(self) -> SetPoint:
+    def _wanted(self) -> AttitudeSetPoint:
         if self.armed and self._obeys:
             point = self._set_point
             error_deg = math.degrees(math.remainder(self._heading_rad - self._attitude_rad[2], math.tau))
             full = self._settings.full_yaw_rate_deg_s
             yaw_rate = min(max(point.yaw_rate_deg_s + YAW_GAIN_PER_S * error_deg, -full), full)
-            return SetPoint(point.roll_deg, point.pitch_deg, yaw_rate, point.thrust)
-        return SetPoint(thrust=SINKING * self._hover if self.armed and self.mode == LAND else 0.0)
+            return AttitudeSetPoint(point.roll_deg, point.pitch_deg, yaw_rate, point.thrust)
+        return AttitudeSetPoint(thrust=SINKING * self._hover if self.armed and self.mode == LAND else 0.0)

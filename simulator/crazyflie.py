@@ -15,7 +15,7 @@ from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import LOG
 from rcopterx.radios.crtp import LONGEST_DATA, Packet
 from rcopterx.radios.protocol import FrameDecodeError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie_log import ENDURANCE_S, CrazyflieLog
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
@@ -89,7 +89,7 @@ class Crazyflie(UdpVehicle):
             can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
         )
         self._unlocked = False
-        self._set_point = SetPoint()
+        self._set_point = AttitudeSetPoint()
         self._received_s = self._fed_s = math.inf
         self._advanced_s = self._running_s = now_s
         self._restarts = False
@@ -157,7 +157,7 @@ class Crazyflie(UdpVehicle):
         self.state = crtp.SupervisorState(arms_itself=self._arms_itself, crashed=True, tumbled=tumbled)
         self._note(self._advanced_s)
 
-    def _take(self, set_point: SetPoint, now_s: float) -> None:
+    def _take(self, set_point: AttitudeSetPoint, now_s: float) -> None:
         self._unlocked = self._unlocked or set_point.thrust == 0
         self._set_point, self._received_s = set_point, now_s
         pulses_us = self._settings.pulses_us(set_point, armed=self.state.armed)
@@ -205,9 +205,9 @@ class Crazyflie(UdpVehicle):
         point = self._set_point
         runs = self.powered and self.state.armed and self._unlocked and point.thrust >= LEAST_THRUST
         if not runs:
-            point = SetPoint()
+            point = AttitudeSetPoint()
         elif now_s >= self._received_s + LEVEL_AFTER_S:
-            point = SetPoint(thrust=point.thrust)
+            point = AttitudeSetPoint(thrust=point.thrust)
         pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
         self.motors_run = runs
         self.note_pulses(now_s, pulses_us)

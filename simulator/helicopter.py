@@ -23,7 +23,7 @@ from rcopterx.simulator.helicopter_dynamics import (
     STATE,
     Airframe,
     Controls,
-    State,
+    HelicopterState,
     airframe_of,
     commanded_speeds,
     level_state,
@@ -32,7 +32,7 @@ from rcopterx.simulator.helicopter_dynamics import (
     swash_target,
 )
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import CALM, Plant, Pose
+from rcopterx.simulator.plant import CALM, Plant, StartPose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -66,7 +66,7 @@ class Flight(NamedTuple):
     """Result of `fly`."""
 
     steps: int
-    state: State
+    state: HelicopterState
     yaw_rad: float  # heading, unwrapped
     time_s: float
     hover_seconds_used: float
@@ -80,12 +80,12 @@ _SURROUNDINGS: Final = record(Surroundings, *5 * [NUMBER], together(NUMBER, NUMB
 
 @compiled(AIRFRAME, STATE, CONTROLS, NUMBER, NUMBER)
 def stand(
-    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, step_s: float
-) -> tuple[State, float]:
+    airframe: Airframe, state: HelicopterState, controls: Controls, thrust_factor: float, step_s: float
+) -> tuple[HelicopterState, float]:
     """One step on the floor, where only rotors and swash plate move; returns the state and the thrust."""
     after = step(airframe, state, controls, thrust_factor, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), step_s)
     upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
-    standing = State(
+    standing = HelicopterState(
         state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
         after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y, 0.0,
     )  # fmt: skip
@@ -97,7 +97,7 @@ def stand(
 )
 def fly(
     airframe: Airframe,
-    start: tuple[State, float, float, float],
+    start: tuple[HelicopterState, float, float, float],
     controls: Controls,
     around: Surroundings,
     turbulence: HeldNoise,
@@ -154,7 +154,7 @@ class Helicopter(Plant):
     """
 
     def __init__(
-        self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose,
+        self, name: str, model: Model, conditions: Conditions, seed: int, start: StartPose,
         parameters: HelicopterParameters,
     ) -> None:  # fmt: skip
         self.parameters = parameters
@@ -162,7 +162,7 @@ class Helicopter(Plant):
         self.state = level_state((0.0, 0.0, 0.0), 0.0, (0.0, 0.0))
         self._tilt_per_slope = parameters.tilt_per_slope
         self._servos = Servo(parameters.servo_step), Servo(parameters.servo_step)
-        self._markers = Pose(
+        self._markers = StartPose(
             (0.0, 0.0, 0.0), 0.0, parameters.marker_pitch_rad, parameters.marker_roll_rad
         ).quaternion_xyzw
         drift = conditions.gyro_drift_rad_s / parameters.yaw_rate_gain_rad_s
@@ -180,13 +180,13 @@ class Helicopter(Plant):
         return (s.x, s.y, s.z, self._yaw_rad, forward, left, s.vz, yaw_rate)
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> StartPose:
         """True pose of the body, yaw unwrapped."""
         s = self.state
         return self._pose((s.x, s.y, s.z), s.qw, s.qx, s.qy, s.qz)
 
     @property
-    def marker_pose(self) -> Pose:
+    def marker_pose(self) -> StartPose:
         """Pose of the markers, which do not sit straight on the body, yaw unwrapped."""
         state = self.state
         w, x, y, z = state.qw, state.qx, state.qy, state.qz
@@ -199,9 +199,9 @@ class Helicopter(Plant):
             w * k + z * s + x * j - y * i,
         )
 
-    def _pose(self, position_m: Three, w: float, x: float, y: float, z: float) -> Pose:
+    def _pose(self, position_m: Three, w: float, x: float, y: float, z: float) -> StartPose:
         yaw = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-        return Pose(
+        return StartPose(
             position_m,
             self._yaw_rad + math.remainder(yaw - self._yaw_rad, math.tau),
             math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),

@@ -20,7 +20,7 @@ _LEAST_DRAG: Final = 0.1
 Air = tuple[float, float, float, float, float, float]  # accelerations by the air, see `derivative`
 
 
-class State(NamedTuple):
+class HelicopterState(NamedTuple):
     """State of a helicopter, or its time derivative."""
 
     x: float  # position and velocity in the inertial frame
@@ -97,7 +97,7 @@ class Controls(NamedTuple):
 
 _ROTOR: Final = record(Rotor, *8 * [NUMBER])
 AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *19 * [NUMBER])
-STATE: Final = record(State, *21 * [NUMBER])
+STATE: Final = record(HelicopterState, *21 * [NUMBER])
 CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
 AIR: Final = together(*6 * [NUMBER])
 
@@ -127,11 +127,11 @@ def swash_target(parameters: HelicopterParameters, pitch: float, roll: float) ->
     return (x, y) if tilt <= limit else (x * limit / tilt, y * limit / tilt)
 
 
-def level_state(position_m: Three, yaw_rad: float, speeds_rad_s: tuple[float, float]) -> State:
+def level_state(position_m: Three, yaw_rad: float, speeds_rad_s: tuple[float, float]) -> HelicopterState:
     """State at rest: level, the bar upright, the swash plate neutral, the rotors at these speeds."""
     x, y, z = map(float, position_m)
     upper, lower = speeds_rad_s
-    return State(
+    return HelicopterState(
         x, y, z, 0.0, 0.0, 0.0, math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2), 0.0, 0.0, 0.0,
         upper, lower, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
@@ -183,7 +183,9 @@ def rotor_load(
 
 
 @part
-def rotation_matrix(s: State) -> tuple[float, float, float, float, float, float, float, float, float]:
+def rotation_matrix(
+    s: HelicopterState,
+) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Rotation from the body to the inertial frame, row by row."""
     qw, qx, qy, qz = s.qw, s.qx, s.qy, s.qz
     return (
@@ -194,7 +196,7 @@ def rotation_matrix(s: State) -> tuple[float, float, float, float, float, float,
 
 
 @part
-def bar_lean(s: State) -> Four:
+def bar_lean(s: HelicopterState) -> Four:
     """Angle between mast and bar as a vector in the body plane, its cosine, and angle over sine."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(s)
     sine_x = r00 * s.bar_x + r10 * s.bar_y + r20 * s.bar_z
@@ -207,7 +209,7 @@ def bar_lean(s: State) -> Four:
 
 @part
 def rotor_loads(
-    airframe: Airframe, state: State, lean_x: float, lean_y: float
+    airframe: Airframe, state: HelicopterState, lean_x: float, lean_y: float
 ) -> tuple[float, float, float, float, float, float]:
     """Force and moment of both rotors in the body frame, with the bar leaning against the mast."""
     upper, lower = airframe.upper, airframe.lower
@@ -222,7 +224,9 @@ def rotor_loads(
 
 
 @compiled(AIRFRAME, STATE, CONTROLS, NUMBER, AIR)
-def derivative(airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Air) -> State:
+def derivative(
+    airframe: Airframe, state: HelicopterState, controls: Controls, thrust_factor: float, air: Air
+) -> HelicopterState:
     """Time derivative of the state at a `thrust_factor`, in accelerations by the `air`, shape (6,)."""
     qw, qx, qy, qz, p, q, r = state.qw, state.qx, state.qy, state.qz, state.p, state.q, state.r
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(state)
@@ -242,7 +246,7 @@ def derivative(airframe: Airframe, state: State, controls: Controls, thrust_fact
         held = r - airframe.yaw_hold * state.yaw_missed
         command_u, command_l = commanded_speeds(airframe, controls.thrust, controls.yaw, held, thrust_factor)
         missed = airframe.yaw_rate_gain * controls.yaw - r
-    return State(
+    return HelicopterState(
         x=vx,
         y=vy,
         z=vz,
@@ -268,9 +272,9 @@ def derivative(airframe: Airframe, state: State, controls: Controls, thrust_fact
 
 
 @part
-def moved(state: State, rate: State, time_s: float) -> State:
+def moved(state: HelicopterState, rate: HelicopterState, time_s: float) -> HelicopterState:
     """State after some time at a constant rate."""
-    return State(
+    return HelicopterState(
         x=state.x + time_s * rate.x,
         y=state.y + time_s * rate.y,
         z=state.z + time_s * rate.z,
@@ -296,11 +300,11 @@ def moved(state: State, rate: State, time_s: float) -> State:
 
 
 @part
-def normalised(s: State) -> State:
+def normalised(s: HelicopterState) -> HelicopterState:
     """State with quaternion and axis of the bar scaled to length 1."""
     n = 1.0 / math.sqrt(s.qw * s.qw + s.qx * s.qx + s.qy * s.qy + s.qz * s.qz)
     b = 1.0 / math.sqrt(s.bar_x * s.bar_x + s.bar_y * s.bar_y + s.bar_z * s.bar_z)
-    return State(
+    return HelicopterState(
         s.x, s.y, s.z, s.vx, s.vy, s.vz, n * s.qw, n * s.qx, n * s.qy, n * s.qz, s.p, s.q, s.r,
         s.speed_upper, s.speed_lower, b * s.bar_x, b * s.bar_y, b * s.bar_z, s.swash_x, s.swash_y,
         s.yaw_missed,
@@ -309,8 +313,13 @@ def normalised(s: State) -> State:
 
 @compiled(AIRFRAME, STATE, CONTROLS, NUMBER, AIR, NUMBER)
 def step(
-    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Air, step_s: float
-) -> State:
+    airframe: Airframe,
+    state: HelicopterState,
+    controls: Controls,
+    thrust_factor: float,
+    air: Air,
+    step_s: float,
+) -> HelicopterState:
     """State after a midpoint step of `derivative`; 4 ms cost the fast mode 5e-5 of its damping."""
     rate = derivative(airframe, state, controls, thrust_factor, air)
     middle = moved(state, rate, 0.5 * step_s)

@@ -12,7 +12,7 @@ from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
-from rcopterx.simulator.room import Room
+from rcopterx.simulator.room import SimulatedRoom
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.vehicle_faults import VehicleFaults
@@ -37,7 +37,7 @@ class Simulator:
             clock=self._clock,
         )
         start_s = self._clock()
-        self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
+        self._room = SimulatedRoom(settings.vehicles, settings.conditions, settings.seed, start_s)
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
         self._step_at_s = start_s

@@ -12,7 +12,7 @@ LEAST_NOISE_M = 1e-6  # no Tracker measures without any noise, also in condition
 MOTOR_START_US = 15.0  # pulse width above throttle low from which the vehicle's motor controller runs
 
 
-class Room:
+class SimulatedRoom:
     """Vehicles with their receivers; the clock begins at `start_s` and advances by `advance`."""
 
     def __init__(

@@ -11,8 +11,8 @@ import math
 from collections import Counter
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.admission import Admission, Stream
 from rcopterx.transmitter_gateway.bridging import bridging_step, next_change_s, played_input
+from rcopterx.transmitter_gateway.command_validator import CommandValidator, Stream
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     FOR_OPERATORS,
@@ -29,9 +29,9 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.landing import Motion
-from rcopterx.transmitter_gateway.shaping import Shaping
+from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
+from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.standing import Standing
-from rcopterx.transmitter_gateway.surveillance import Surveillance
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.touchdown import Touchdown
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
@@ -51,12 +51,12 @@ class Arbiter:
         # rejections, state entries, planned inputs played and steps that slew rates limited, by name
         self.counters: Counter[str] = Counter()
         self.commanded = False  # whether commands count: from arming until the flight is over
-        self.surveillance = Surveillance(limits.surveillance, self.counters)
-        self._admission = Admission(limits, self.counters)
-        self.leases = self._admission.leases  # control leases of the vehicle's agents
-        self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
+        self.pose_monitor = PoseMonitor(limits.surveillance, self.counters)
+        self._validator = CommandValidator(limits, self.counters)
+        self.leases = self._validator.leases  # control leases of the vehicle's agents
+        self._limiter = OutputLimiter(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
-        self.standing = Standing(vehicle, limits, self.surveillance.other_places)
+        self.standing = Standing(vehicle, limits, self.pose_monitor.other_places)
         self.lift_off = LiftOffProof(limits.lift_off, limits.surveillance.trust_repeated_poses)
         self._link = LinkState.LOST
         self._arming = self._shutdown = False
@@ -77,11 +77,11 @@ class Arbiter:
         """Take a command; a rejected one changes nothing but a counter."""
         if now_s >= self.next_event_s():
             self._pass(now_s)
-        rejection = self._admission.consider(
+        rejection = self._validator.consider(
             command,
             now_s,
-            pose=self.surveillance.newest,
-            epoch_age_s=now_s - self.surveillance.epoch_since_s,
+            pose=self.pose_monitor.newest,
+            epoch_age_s=now_s - self.pose_monitor.epoch_since_s,
             flying=self.commanded,
         )
         self._event_s = None
@@ -89,13 +89,13 @@ class Arbiter:
 
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
         """Control lease of an agent that asks for one, 0 while it is not given any; see `Leases.bid`."""
-        fresh = self._admission.fresh(now_s)
+        fresh = self._validator.fresh(now_s)
         return self.leases.bid(agent, now_s, fresh=fresh, take_over=take_over)
 
     @property
     def hover_thrust(self) -> float:
         """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
-        return self._shaping.hover.value
+        return self._limiter.hover.value
 
     @property
     def grounded(self) -> bool:
@@ -105,16 +105,16 @@ class Arbiter:
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
         if pose.vehicle != self._vehicle:
-            self.surveillance.other_pose(pose, now_s)
+            self.pose_monitor.other_pose(pose, now_s)
         else:
             self._event_s = None
             airborne = self.state in FLYING and not self._grounded(now_s)
-            accepted = self.surveillance.own_pose(pose, now_s, airborne=airborne)
+            accepted = self.pose_monitor.own_pose(pose, now_s, airborne=airborne)
             if airborne:
                 self.standing.restart()
             elif accepted:
                 self.standing.observe(pose, now_s)
-            if pose.position_m is not None and self.surveillance.newest is pose:
+            if pose.position_m is not None and self.pose_monitor.newest is pose:
                 self.lift_off.own(SeenPose(pose.position_m, pose.tilt_rad), now_s)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
@@ -178,15 +178,15 @@ class Arbiter:
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Continue the flight of an earlier process, by landing until fresh commands; or answer why not."""
         self.step(now_s)
-        problem = take_over_problem(last, self.surveillance.own_track, self.limits, now_s)
+        problem = take_over_problem(last, self.pose_monitor.own_track, self.limits, now_s)
         if problem is None and self.state is not State.DISARMED:
             problem = f"{self.state} now"
         if problem is None:
             self.commanded = last.commanded
-            self._shaping.take_over(last.u, last.hover_thrust)
+            self._limiter.take_over(last.u, last.hover_thrust)
             self.lift_off.begin(proved=last.lifted)
             distrust = "own pose jumped before a restart" if last.mistaken else None
-            self.surveillance.take_over(distrust)
+            self.pose_monitor.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
             if self.state in FLYING:
                 return Answer(True, f"{self.state}: {self.reason}")
@@ -205,7 +205,7 @@ class Arbiter:
 
     def _stream(self) -> Stream | None:
         """Newest commands, while they count or decide about arming."""
-        return self._admission.stream if self.commanded or self._arming else None
+        return self._validator.stream if self.commanded or self._arming else None
 
     def _grounded(self, now_s: float) -> bool:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
@@ -217,7 +217,7 @@ class Arbiter:
             Condition.SHUTDOWN: self._shutdown,
             Condition.LINK_LOST: self._link is LinkState.LOST,
             Condition.READY: self._link is LinkState.READY,
-            Condition.THRUST_WANTED: state is State.KILLED and self._admission.thrust_wanted(now_s),
+            Condition.THRUST_WANTED: state is State.KILLED and self._validator.thrust_wanted(now_s),
             Condition.IDLE: state is State.ARMED and now_s >= self._idle_at_s,
             Condition.HOLD_OVER: state is State.HOLD and now_s >= self._entered_s + limits.hold_limit_s,
             Condition.DESCENT_OVER: state is State.DESCEND and now_s >= self._entered_s + limits.descent_s,
@@ -225,7 +225,7 @@ class Arbiter:
         }
         if stream is not None:
             holds |= {
-                Condition.FRESH: self._admission.fresh(now_s),
+                Condition.FRESH: self._validator.fresh(now_s),
                 Condition.BRIDGING: bridging > 0,
                 Condition.SILENT: now_s >= stream.arrival_s + limits.descend_after_s,
                 Condition.GONE: now_s >= stream.arrival_s + limits.cut_after_s,
@@ -259,7 +259,7 @@ class Arbiter:
                 return
             problems = self.standing.problems(now_s, arming=True)
             self._find(Condition.IMPLAUSIBLE, "; ".join(problems), found)
-        judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
+        judgement = self.pose_monitor.judge(now_s, self._thrust_time_s if flying else 0.0)
         self._find(Condition.HOLD_CAUSE, judgement.hold, found)
         self._find(Condition.DESCEND_CAUSE, judgement.descend, found)
 
@@ -270,7 +270,7 @@ class Arbiter:
             self._details[condition] = detail
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
-        motion = self.surveillance.own_motion(now_s, self.limits.landing.pose_age_s)
+        motion = self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)
         if motion is None:
             self._touchdown.release()
             return
@@ -282,7 +282,7 @@ class Arbiter:
         fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()
-        elif fence is not None and not self._shaping.law.obeyed and fence.left(motion.position_m):
+        elif fence is not None and not self._limiter.law.obeyed and fence.left(motion.position_m):
             found.add(Condition.RUNAWAY)
         elif self._touchdown.happened(motion, self._floor_m, now_s):
             found.add(Condition.TOUCHDOWN)
@@ -291,7 +291,7 @@ class Arbiter:
 
     @property
     def _floor_m(self) -> float:
-        return self.surveillance.floor_m(self.limits.floor_m)
+        return self.pose_monitor.floor_m(self.limits.floor_m)
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -303,7 +303,7 @@ class Arbiter:
         self._shape(self._now_s, elapsed_s, acting)
         return ArbiterOutput(
             self.state,
-            self._shaping.u,
+            self._limiter.u,
             bridging_step=self._bridging_step,
             cause=None if acting is None else acting.command.cause,
         )
@@ -334,12 +334,12 @@ class Arbiter:
         wanted = 0.0
         if stream is not None and self.state not in ON_THE_WAY_DOWN:
             wanted = played_input(stream.command, bridging)[THRUST]
-        if self.state in FLYING and max(self._shaping.u[THRUST], wanted) > self.limits.low_thrust:
+        if self.state in FLYING and max(self._limiter.u[THRUST], wanted) > self.limits.low_thrust:
             self._low_since_s = None
             self._thrust_time_s += elapsed_s
         elif self._low_since_s is None:
             self._low_since_s = now_s
-        self.lift_off.thrust(self._shaping.u[THRUST], elapsed_s, stands=self._grounded(now_s))
+        self.lift_off.thrust(self._limiter.u[THRUST], elapsed_s, stands=self._grounded(now_s))
 
     def _enter(self, row: Transition, now_s: float) -> None:
         causes = row.needs | (row.unless & {Condition.READY})
@@ -351,7 +351,7 @@ class Arbiter:
             self.lift_off.begin()
         if row.target not in FLYING:
             self.commanded = False
-            self.surveillance.release()
+            self.pose_monitor.release()
         if row.target in ON_THE_WAY_DOWN and self.state not in ON_THE_WAY_DOWN:
             self._landing_since_s = now_s
         self.state = row.target
@@ -361,7 +361,7 @@ class Arbiter:
     # Output -------------------------------------------------------------------------------------------
 
     def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
-        shaping, motion = self._shaping, self._motion
+        shaping, motion = self._limiter, self._motion
         shaping.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
             height_m = None
@@ -387,13 +387,13 @@ class Arbiter:
         if self.state not in FLYING:
             return math.inf
         limits = self.limits
-        times = self.surveillance.next_event_s()
+        times = self.pose_monitor.next_event_s()
         if (stream := self._stream()) is not None:
             times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
-        if self.state is State.LAND and self.surveillance.own_track is not None:
-            times.append(self.surveillance.own_track.captured_s + limits.landing.pose_age_s)
+        if self.state is State.LAND and self.pose_monitor.own_track is not None:
+            times.append(self.pose_monitor.own_track.captured_s + limits.landing.pose_age_s)
             times.append(self._landing_since_s + limits.landing.longest_s)
         return min([time_s for time_s in times if time_s > self._now_s], default=math.inf)

@@ -7,7 +7,7 @@ not until HOLD, so that a command that is slightly late does not count as missin
 import math
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.admission import AcceptedCommand, Stream
+from rcopterx.transmitter_gateway.command_validator import AcceptedCommand, Stream
 from rcopterx.transmitter_gateway.inputs import Input
 
 FIRST_AFTER_PERIODS = 1.5

@@ -16,7 +16,7 @@ from rcopterx.transmitter_gateway.inputs import Action, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.radios import Radios
 from rcopterx.transmitter_gateway.settings import GatewaySettings
-from rcopterx.transmitter_gateway.station import Station
+from rcopterx.transmitter_gateway.transmitter_node import TransmitterNode
 
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 64  # of one vehicle: more than arrive between two turns, also from a fast Tracker
@@ -27,8 +27,9 @@ class Gateway:
 
     def __init__(self, settings: GatewaySettings, session: Session, radios: Radios, realtime: bool) -> None:
         self._session, self._radios, self._clock = session, radios, session.clock
-        self.stations = {
-            name: Station(transmitter, session, realtime) for name, transmitter in radios.transmitters.items()
+        self.nodes = {
+            name: TransmitterNode(transmitter, session, realtime)
+            for name, transmitter in radios.transmitters.items()
         }
         self._poses: dict[str, Subscription[Pose]] = {
             name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, waking=False)
@@ -42,27 +43,27 @@ class Gateway:
 
     def wait(self) -> None:
         """Wait for a message, an answer of a module or the next deadline."""
-        waiting = any(station.commands_wait for station in self.stations.values())
+        waiting = any(node.commands_wait for node in self.nodes.values())
         self._radios.wait(-math.inf if waiting else self._report_due_s)
 
     def step(self) -> None:
         """Handle what has arrived and what is due; poses first, so that every decision knows the newest."""
         for pose, arrived_s in self._new_poses():
-            for station in self.stations.values():
-                station.transmitter.on_pose(pose, arrived_s)
-        for station in self.stations.values():
-            station.take_bids(self._clock())
-            station.take_commands(self._clock)
+            for node in self.nodes.values():
+                node.transmitter.on_pose(pose, arrived_s)
+        for node in self.nodes.values():
+            node.take_bids(self._clock())
+            node.take_commands(self._clock)
         for kills in self._kills:
             for kill in kills.drain():
-                for station in self.stations.values():
-                    station.take_kill(kill.message, self._clock())
+                for node in self.nodes.values():
+                    node.take_kill(kill.message, self._clock())
                 # The sender of a kill waits for the statuses.
                 self._report_due_s = -math.inf
         for incoming in self._session.pending():
-            self.stations[incoming.unit].answer(incoming, self._clock())
-        for station in self.stations.values():
-            station.serve(self._clock())
+            self.nodes[incoming.unit].answer(incoming, self._clock())
+        for node in self.nodes.values():
+            node.serve(self._clock())
         self._report()
 
     def shut_down(self) -> None:
@@ -91,8 +92,8 @@ class Gateway:
         now_s = self._clock()
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + STATUS_PERIOD_S
-            for station in self.stations.values():
-                station.report(now_s)
+            for node in self.nodes.values():
+                node.report(now_s)
 
 
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied
-from rcopterx.transmitter_gateway.surveillance import Track
+from rcopterx.transmitter_gateway.pose_monitor import Track
 
 
 def take_over_problem(

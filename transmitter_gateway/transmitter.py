@@ -162,7 +162,7 @@ class Transmitter:
             arbiter.hover_thrust,
             # A successor continues a shutdown.
             commanded=arbiter.commanded and not self._shutdown,
-            mistaken=arbiter.surveillance.mistaken,
+            mistaken=arbiter.pose_monitor.mistaken,
             ready=self._ready,
             grounded=arbiter.grounded,
             watched=self.protocol.watched,
@@ -176,7 +176,7 @@ class Transmitter:
 
     def _decide(self, now_s: float) -> None:
         """Take the vehicle over if it flies, once its pose is known and the port is open."""
-        track = self.arbiter.surveillance.own_track
+        track = self.arbiter.pose_monitor.own_track
         seen = track is not None and track.position_m is not None
         if seen and now_s < self._unknown_until_s:
             self._written_u, self._written_s = (0.0, 0.0, self.arbiter.hover_thrust, 0.0), now_s
@@ -352,7 +352,7 @@ class Transmitter:
 
     def _judge_flight(self, now_s: float) -> None:
         """End a flight whose port has returned as that of an earlier process is refused, or go on."""
-        track = self.arbiter.surveillance.own_track
+        track = self.arbiter.pose_monitor.own_track
         problem = take_over_problem(self._applied(), track, self.arbiter.limits, now_s)
         if problem is None:
             self.arbiter.counters["flights continued after the port was away"] += 1
@@ -364,7 +364,7 @@ class Transmitter:
 
     @property
     def _on_floor(self) -> bool:
-        return seen_on_floor(self.arbiter.surveillance.own_track, self.arbiter.limits)
+        return seen_on_floor(self.arbiter.pose_monitor.own_track, self.arbiter.limits)
 
     def _judge_link(self, now_s: float) -> None:
         """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""

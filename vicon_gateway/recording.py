@@ -24,7 +24,7 @@ MAX_RECORD_BYTES = 16 * 1024 * 1024
 _RECORD = struct.Struct("<dBI")
 
 
-class RecordingError(ValueError):
+class RawRecordingError(ValueError):
     """The file is not a raw recording."""
 
 
@@ -69,13 +69,13 @@ class RawRecorder:
 
 
 def read_records(source: BinaryIO) -> Iterator[RawRecord]:
-    """Yield the records of a recording; `RecordingError` if it is none, damaged, or a record too long."""
+    """Yield the records of a recording; `RawRecordingError` if it is none, damaged, or a record too long."""
     if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
-        raise RecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
+        raise RawRecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
     while len(header := source.read(_RECORD.size)) == _RECORD.size:
         time_s, event, size = _RECORD.unpack(header)
         if event not in RawEvent.__members__.values() or size > MAX_RECORD_BYTES:
-            raise RecordingError(f"damaged recording: event {event} with {size} bytes")
+            raise RawRecordingError(f"damaged recording: event {event} with {size} bytes")
         data = source.read(size)
         if len(data) < size:
             return
@@ -99,7 +99,7 @@ def connections(records: Iterable[RawRecord]) -> list[RecordedConnection]:
             found.append(RecordedConnection())
             opened_s = record.time_s
         elif not found:
-            raise RecordingError("damaged recording: it does not begin with an opened connection")
+            raise RawRecordingError("damaged recording: it does not begin with an opened connection")
         elif record.event is RawEvent.RECEIVED:
             found[-1].chunks.append((record.time_s - opened_s, record.data))
         else:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import leader_plan
-from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from rcopterx.agents.separation.avoidance import NeighbourPlan, SeparationEllipsoid
 from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.formation.law import LeaderPlan
@@ -115,7 +115,7 @@ class Traffic:
             self._rejected.update(inbox.rejected)
             inbox.close()
 
-    def neighbours(self, clock: FleetClock, plans: Mapping[str, LeaderPlan]) -> dict[str, Neighbour]:
+    def neighbours(self, clock: FleetClock, plans: Mapping[str, LeaderPlan]) -> dict[str, NeighbourPlan]:
         """Return the vehicles whose plans are received, and the leaders, whose plans are known anyway."""
         if self._ellipsoid is None:
             return {}
@@ -127,7 +127,7 @@ class Traffic:
                 if plan.ahead_s < OLDEST_S:
                     young[name] = plan
         scales = self._scales
-        return {name: Neighbour(plan, scales[name]) for name, plan in young.items() if name in scales}
+        return {name: NeighbourPlan(plan, scales[name]) for name, plan in young.items() if name in scales}
 
     @property
     def rejected(self) -> Mapping[str, int]:

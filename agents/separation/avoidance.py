@@ -35,7 +35,7 @@ class SeparationEllipsoid:
         return np.asarray(np.linalg.norm(gap_m / half_axes_m, axis=-1))
 
 
-class Neighbour(Struct, frozen=True):
+class NeighbourPlan(Struct, frozen=True):
     """Another vehicle: its newest plan, and the scale of the ellipsoid that separates from it."""
 
     plan: LeaderPlan
@@ -53,7 +53,7 @@ class Near(Struct, frozen=True):
 
 def near(
     ellipsoid: SeparationEllipsoid,
-    neighbours: Mapping[str, Neighbour],
+    neighbours: Mapping[str, NeighbourPlan],
     plan: Trajectory,
     period_s: float,
     stages: int,
@@ -90,7 +90,7 @@ class PlanAvoidance:
         self.closest_m: float | None = None  # smallest distance to another plan so far, if any
 
     def update(
-        self, neighbours: Mapping[str, Neighbour], plan: Trajectory | None, free: bool, delay_s: float
+        self, neighbours: Mapping[str, NeighbourPlan], plan: Trajectory | None, free: bool, delay_s: float
     ) -> bool:
         """Update the obstacles of the controller; return False if plans touch and it avoids none.
 

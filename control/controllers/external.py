@@ -19,7 +19,7 @@ from rcopterx.vehicles.state import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class ExternalTask:
     """What an external controller is to solve."""
 
     number: int  # counts control periods; the answer names it
@@ -36,7 +36,7 @@ class ExternalController:
 
     def __init__(self, own: Controller, model: Model, patience_s: float, clock: Callable[[], float]) -> None:
         self.own, self.horizon, self.period_s = own, own.horizon, own.period_s
-        self.task: Task | None = None
+        self.task: ExternalTask | None = None
         self.late = 0  # steps flown by an older answer than the newest task's
         self._model, self._clock = model, clock
         self._patience = max(1, round(patience_s / own.period_s))
@@ -80,7 +80,7 @@ class ExternalController:
         else:
             step = self._step_by(self._inputs, present - self._answered - 1, estimate)
         self._number, self._task_s = present, now_s
-        self.task = Task(
+        self.task = ExternalTask(
             self._number,
             predict(self._model, estimate, step.inputs[0], self.period_s),
             reference.resampled(self.period_s, self.period_s, self.horizon),

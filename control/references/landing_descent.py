@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
-from rcopterx.control.references.set_points import Transition, smooth_move, transition_through
+from rcopterx.control.references.set_points import ProfileTransition, smooth_move, transition_through
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, VELOCITY, YAW
 from rcopterx.vehicles.state import Array, Z
 
@@ -19,7 +19,7 @@ DEPTH_M: Final = 0.3  # the reference ends so far below the floor, where the veh
 _PEAK_ACCELERATION = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
 
 
-def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> Transition:
+def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> ProfileTransition:
     """Descend straight from rest at `start_m`, shape (3,), through the floor, whose height is `floor_m`."""
     end_m = np.array([start_m[0], start_m[1], floor_m - DEPTH_M])
     fast_m = float(start_m[2]) - floor_m - FLARE_M

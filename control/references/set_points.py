@@ -77,7 +77,7 @@ class PathReference(TimedPath, frozen=True):
     """A trajectory that was requested."""
 
 
-class Transition(TimedPath, frozen=True):
+class ProfileTransition(TimedPath, frozen=True):
     """A smooth way to a set point."""
 
 
@@ -102,7 +102,7 @@ class ProfileLimits:
 
 def smooth_move(
     start_m: Array, end_m: Array, yaw_rad: float, start_s: float, peak_speed_m_s: float
-) -> Transition:
+) -> ProfileTransition:
     """Return a quintic polynomial from rest to rest along a straight line, heading held."""
     begin, end = np.zeros((2, COLUMNS))
     begin[POSITION], end[POSITION] = start_m, end_m
@@ -113,7 +113,7 @@ def smooth_move(
 
 def smooth_way(
     limits: ProfileLimits, position_m: Array, yaw_rad: float, present: ReferenceSource, time_s: float
-) -> Transition:
+) -> ProfileTransition:
     """Go from a reference to rest at a set point within limits.
 
     The way is a quintic polynomial. It begins once the present transition, which is continued till then, can
@@ -125,7 +125,7 @@ def smooth_way(
     end = np.zeros(COLUMNS)
     end[POSITION], end[YAW] = position_m, yaw_rad
     waits = 1
-    if isinstance(present, Transition):
+    if isinstance(present, ProfileTransition):
         waits += math.ceil(max(0.0, present.start_s + present.path.duration_s - time_s) / _WAIT_S)
     rows = present.sample(time_s, _WAIT_S, waits).samples
     for wait, row in enumerate(rows):
@@ -156,6 +156,6 @@ def _gentle_way(limits: ProfileLimits, begin: Array, ends: Array) -> tuple[float
     return float(_DURATIONS_S[best]), float(used[best])
 
 
-def transition_through(start_s: float, *knots: tuple[float, Array]) -> Transition:
+def transition_through(start_s: float, *knots: tuple[float, Array]) -> ProfileTransition:
     """Return a transition through times after `start_s` [s] and rows of a trajectory, shape (12,)."""
-    return Transition(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)
+    return ProfileTransition(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)

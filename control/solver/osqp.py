@@ -8,8 +8,8 @@ import osqp
 
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import update_active_set
-from rcopterx.control.solver.candidates import best_plan, rated
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
+from rcopterx.control.solver.fallback import best_plan, rated
+from rcopterx.control.solver.problem import OptimalControlProblem, Solution
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 
@@ -35,7 +35,7 @@ class OsqpSolver:
         p: OptimalControlProblem,
         same_cost: bool = False,  # noqa: ARG002 - numbers are updated in any case
         expired: Callable[[], bool] = never,  # noqa: ARG002 - the time limit is OSQP's own
-    ) -> Plan:
+    ) -> Solution:
         """Solve a problem (`rcopterx.control.solver.problem.Solver`)."""
         if self._qp is None or not self._qp.fits(p):
             qp = self._qp = SparseQP(p)

@@ -47,7 +47,7 @@ class Trajectories(NamedTuple):
     y: Array  # shape (N, ny)
 
 
-class Plan(NamedTuple):
+class Solution(NamedTuple):
     """Solution of a problem, with its quality."""
 
     x: Array  # shape (N + 1, nx)
@@ -91,7 +91,7 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Start the next solve cold."""
 
-    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
+    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Solution:
         """Solve a problem, one stage after the last one.
 
         `same_cost`: whether A, B, P and the rows with weights are those of the last solve.

@@ -13,7 +13,7 @@ import numpy as np
 
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
-from rcopterx.control.solver.candidates import (
+from rcopterx.control.solver.fallback import (
     best_plan,
     empty_plan,
     rated,
@@ -22,7 +22,7 @@ from rcopterx.control.solver.candidates import (
     within_hard_bounds,
 )
 from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
+from rcopterx.control.solver.problem import OptimalControlProblem, Solution
 from rcopterx.control.solver.sweep import Factor, curvature
 from rcopterx.vehicles.state import Array
 
@@ -46,7 +46,7 @@ class RiccatiSolver:
 
     def solve(
         self, p: OptimalControlProblem, same_cost: bool = False, expired: Callable[[], bool] = never
-    ) -> Plan:
+    ) -> Solution:
         """Solve a problem, one stage after the last one (`rcopterx.control.solver.problem.Solver`)."""
         if self._shape != p.C.shape + p.D.shape:
             self._allocate(p)
@@ -76,22 +76,24 @@ class RiccatiSolver:
         self._active = ActiveSet.empty(stages, rows)
         self._inputs = None
 
-    def _attempt(self, p: OptimalControlProblem, expired: Callable[[], bool]) -> Plan:
+    def _attempt(self, p: OptimalControlProblem, expired: Callable[[], bool]) -> Solution:
         """Solve from the present active set."""
         plan = self._iterate_active_set(p)
         if plan.optimal or expired() or not np.isfinite(plan.u).all():
             return plan
         return self._interior_point(p, plan, expired)
 
-    def _iterate_active_set(self, p: OptimalControlProblem) -> Plan:
+    def _iterate_active_set(self, p: OptimalControlProblem) -> Solution:
         """Sweep until the active set stays."""
         plan, active = empty_plan(p), self._active
         sweeps, converged, self._factored, primal, dual = iterate_active_set(
             p, active, self._free, self._bounded, self._factored, plan
         )
-        return Plan(*plan, active.side.copy(), sweeps, primal, dual, converged and small(primal, dual))
+        return Solution(*plan, active.side.copy(), sweeps, primal, dual, converged and small(primal, dual))
 
-    def _interior_point(self, p: OptimalControlProblem, start: Plan, expired: Callable[[], bool]) -> Plan:
+    def _interior_point(
+        self, p: OptimalControlProblem, start: Solution, expired: Callable[[], bool]
+    ) -> Solution:
         """Solve from a plan's inputs."""
         unit, inside = curvature(p), rolled_out(p, within_hard_bounds(p, start.u))
         barrier, trial = Barrier.at(p, inside.y, unit), empty_plan(p)

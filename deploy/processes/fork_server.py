@@ -41,7 +41,7 @@ class Order(TypedDict, total=False):
     prepare: list[str]
 
 
-class Answer(TypedDict, total=False):
+class ForkAnswer(TypedDict, total=False):
     """Process id of the process that was started, or an error; empty when pilots are prepared."""
 
     pid: int
@@ -97,7 +97,7 @@ def serve(connection: socket.socket, priority: int) -> Callable[[], object] | No
             os.close(descriptor)
 
 
-def _answer(connection: socket.socket, answer: Answer) -> None:
+def _answer(connection: socket.socket, answer: ForkAnswer) -> None:
     connection.send(json.dumps(answer).encode())
 
 

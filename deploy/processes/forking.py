@@ -21,7 +21,7 @@ from typing import IO, Final
 
 from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.bus.realtime import ONE_THREAD, leave_realtime
-from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, Answer, Order
+from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, ForkAnswer, Order
 
 SERVER: Final = "rcopterx.deploy.processes.fork_server"
 PR_SET_CHILD_SUBREAPER: Final = 36
@@ -206,7 +206,7 @@ class ForkServer:
         except ConnectionError:
             raise OSError(errno.ECHILD, "the fork server has ended") from None
 
-    def _answer(self, limit_s: float) -> Answer:
+    def _answer(self, limit_s: float) -> ForkAnswer:
         """Return the next answer; `OSError` if it is an error, or the server ended, is not ready or hangs."""
         if self._connection is None:
             raise OSError(errno.EAGAIN, "the fork server has ended, its successor is started soon")
@@ -220,7 +220,7 @@ class ForkServer:
         if not message:
             self.close()
             raise OSError(errno.ECHILD, "the fork server has ended or does not answer")
-        answer: Answer = json.loads(message)
+        answer: ForkAnswer = json.loads(message)
         if "error" in answer:
             raise OSError(errno.EAGAIN, answer["error"])
         return answer

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.bus.processes import ROLES, SPARE, TRANSMITTERS, Duty
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
@@ -277,7 +277,7 @@ class Supervisor:
     @property
     def flying(self) -> bool:
         """Whether a vehicle is in the air, as far as a process of this host knows."""
-        return any(process.page.phase is Phase.FLYING for process in self._processes().values())
+        return any(process.page.phase is LoopPhase.FLYING for process in self._processes().values())
 
     def longest_silence_s(self, name: str) -> float:
         """Longest time without progress of a running process since it began to work."""

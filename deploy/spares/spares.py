@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.bus.processes import ROLES
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
@@ -22,7 +22,7 @@ class _Spare(NamedTuple):
     started_s: float
 
     def ready(self) -> bool:
-        return self.process.poll() is None and self.process.page.phase is Phase.WORKING
+        return self.process.poll() is None and self.process.page.phase is LoopPhase.WORKING
 
     def warming(self, now_s: float) -> bool:
         started_lately = now_s - self.started_s < WARMING_LIMIT_S

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.bus.processes import Duty
 from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, pressure_s, threads_of
-from rcopterx.deploy.watchdog.watchdog import Hung, Observation, Watchdog
+from rcopterx.deploy.watchdog.watchdog import Hung, ProcessObservation, Watchdog
 
 
 class Watched(NamedTuple):
@@ -35,7 +35,7 @@ class Liveness:
         # Not those of all processes: each read may pass the interpreter on to a thread that is slow.
         self._threads = {pid: threads_of(pid) if pid in suspects else {} for pid in processes}
         observations = {
-            pid: Observation(
+            pid: ProcessObservation(
                 name=process.name,
                 duty=process.duty,
                 beats=process.page.beats,

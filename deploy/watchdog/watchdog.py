@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.bus.processes import Duty
 from rcopterx.fleet.schema import WatchdogConfig
 
@@ -33,18 +33,18 @@ class Excuse(NamedTuple):
     traced: bool = False  # a debugger has stopped it
 
 
-class Observation(NamedTuple):
+class ProcessObservation(NamedTuple):
     """A process at a check."""
 
     name: str  # also that of its successors
     duty: Duty
     beats: int
-    phase: Phase
+    phase: LoopPhase
     excuse: Excuse = Excuse()
     pressed_s: float = 0.0  # how long processes have waited for a processor since the last check
 
 
-def blamed_s(elapsed_s: float, seen: Observation) -> float:
+def blamed_s(elapsed_s: float, seen: ProcessObservation) -> float:
     """Return for how much of the time between two checks a process without progress is to blame."""
     if seen.excuse.traced:
         return 0.0
@@ -65,7 +65,7 @@ class Hung(NamedTuple):
 
 @dataclass
 class _Watch:
-    last: Observation
+    last: ProcessObservation
     limit_s: float
     silent_s: float = 0.0  # time without progress that counts
     elapsed_s: float = 0.0  # time without progress
@@ -76,7 +76,7 @@ class _Watch:
         """Whether it has been silent for a share of its limit, and not been killed for it."""
         return not self.condemned and self.silent_s > share * self.limit_s
 
-    def update(self, seen: Observation, elapsed_s: float, limit_s: float) -> bool:
+    def update(self, seen: ProcessObservation, elapsed_s: float, limit_s: float) -> bool:
         """Apply an observation; return whether the process was silent beyond its limit and goes on."""
         progress = (seen.beats, seen.phase) != (self.last.beats, self.last.phase)
         forgiven = progress and self.elapsed_s > self.limit_s
@@ -86,7 +86,7 @@ class _Watch:
             return forgiven
         self.elapsed_s += elapsed_s
         self.silent_s += blamed_s(elapsed_s, seen)
-        if seen.phase in (Phase.WORKING, Phase.FLYING):
+        if seen.phase in (LoopPhase.WORKING, LoopPhase.FLYING):
             self.longest_s = max(self.longest_s, self.elapsed_s)
         return False
 
@@ -106,13 +106,13 @@ class Watchdog:
         self._killed_s: dict[str, float] = {}
         self.forgiven: Counter[str] = Counter()  # how often a silence beyond the limit was no hang, by reason
 
-    def check(self, now_s: float, observations: Mapping[int, Observation]) -> list[Hung]:
+    def check(self, now_s: float, observations: Mapping[int, ProcessObservation]) -> list[Hung]:
         """Return the processes to be killed now, each once; those missing in `observations` have ended."""
         elapsed_s = 0.0 if self._checked_s is None else now_s - self._checked_s
         self._checked_s = now_s
         if elapsed_s > LATE_S:
             self.forgiven["supervisor_late"] += 1
-        flying = self._blind or any(seen.phase is Phase.FLYING for seen in observations.values())
+        flying = self._blind or any(seen.phase is LoopPhase.FLYING for seen in observations.values())
         known, self._watches = self._watches, {}
         for process, seen in observations.items():
             limit_s = self._limit_s(seen, flying)
@@ -129,9 +129,9 @@ class Watchdog:
                 hung.append(Hung(process, watch.silent_s, watch.limit_s))
         return hung
 
-    def _limit_s(self, seen: Observation, flying: bool) -> float:
-        starting = seen.phase is Phase.STARTING and not seen.excuse.stopped
-        if seen.duty is Duty.BACKGROUND or starting or seen.phase is Phase.ENDING:
+    def _limit_s(self, seen: ProcessObservation, flying: bool) -> float:
+        starting = seen.phase is LoopPhase.STARTING and not seen.excuse.stopped
+        if seen.duty is Duty.BACKGROUND or starting or seen.phase is LoopPhase.ENDING:
             return self._limits.start_s
         needed = seen.duty in (Duty.RADIO, Duty.FLIGHT)
         return self._limits.flight_s if flying and needed else self._limits.floor_s
@@ -155,7 +155,7 @@ class Watchdog:
         return {
             process
             for process, watch in self._watches.items()
-            if watch.silent_for(starting if watch.last.phase is Phase.STARTING else SUSPECT)
+            if watch.silent_for(starting if watch.last.phase is LoopPhase.STARTING else SUSPECT)
         }
 
     def silent_s(self, process: int) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.state import inertial_velocity
-from rcopterx_studies.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
+from rcopterx_studies.schemes.tracked import Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
 class CourierScheme(TrackedScheme):
@@ -25,9 +25,9 @@ class CourierScheme(TrackedScheme):
         if situation.follows and leaders:
             place, velocity = np.mean([link.message.after(link.age_s) for link in leaders], axis=0)
             place += np.mean([link.offset_m for link in leaders], axis=0)
-            self._fly(Way(place, velocity, np.zeros((1, 3)), self.period_s))
+            self._fly(SchemePath(place, velocity, np.zeros((1, 3)), self.period_s))
         elif not situation.follows:
             start = reference.position_m[0], reference.velocity_m_s[0]
             changes = np.diff(reference.velocity_m_s, axis=0) / self.period_s
-            self._fly(Way(*start, changes, self.period_s))
+            self._fly(SchemePath(*start, changes, self.period_s))
         return Moving.of(motion[:3], inertial_velocity(motion))

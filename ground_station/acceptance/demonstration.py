@@ -9,7 +9,7 @@ from rich.text import Text
 
 from rcopterx.ground_station.acceptance.paper_sequence import fly_paper_sequence, leader_of
 from rcopterx.ground_station.report.figures import SETTLED_S, FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
@@ -37,7 +37,7 @@ class Demonstration:
         self._stop = stop
         self._say = say
         self._leader = leader_of(fleet)
-        self._recorder = Recorder(fleet.session, RECORDS_KEPT)
+        self._recorder = FlightSampler(fleet.session, RECORDS_KEPT)
         self._recording = Recording(())
         self._end_s = math.inf
         self._flown_s = 0.0

@@ -12,7 +12,7 @@ from rcopterx.ground_station.acceptance.checks import Check, remarks_on_latency,
 from rcopterx.ground_station.acceptance.paper_sequence import Say, Wait
 from rcopterx.ground_station.acceptance.steps import Step
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
@@ -56,7 +56,7 @@ def fly(
 
     `wait` waits in the time of the fleet. Raises `StoppedError`: `stop` was set; its owner lands the fleet.
     """
-    recorder, clock, journal = Recorder(fleet.session), fleet.session.clock, list[tuple[float, str]]()
+    recorder, clock, journal = FlightSampler(fleet.session), fleet.session.clock, list[tuple[float, str]]()
     stop = stop or threading.Event()
     problem, began_s = None, clock()
 

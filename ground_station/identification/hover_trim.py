@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.vehicles.state import four
 
@@ -23,7 +23,7 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
     observer.wait_for_status([vehicle])
     if observer.state_of(vehicle).phase != "flying":
         raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
-    recorder = Recorder(observer.session, only=(channels.APPLIED,))
+    recorder = FlightSampler(observer.session, only=(channels.APPLIED,))
     recorder.start()
     observer.wait(seconds)
     applied = [message for message, _ in recorder.stop().messages(channels.APPLIED, vehicle)]

@@ -15,7 +15,7 @@ from rcopterx.control.identification.recording import FlightLog, FlightRecording
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.ground_station.identification.spacing import IdentificationError, spread, usual_reach
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
@@ -100,7 +100,7 @@ def excited_flights(
     """Excite hovering vehicles at the same time; return recordings, and why other flights are of no use."""
     recordings: dict[str, FlightRecording] = {}
     failures: dict[str, str] = {}
-    recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED))
+    recorder = FlightSampler(fleet.session, only=(channels.POSE, channels.APPLIED))
     begun: list[str] = []
     try:
         for index, name in enumerate(names):

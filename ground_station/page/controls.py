@@ -11,9 +11,9 @@ from rcopterx.bus.message import Setting
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.geometry import on_level
-from rcopterx.ground_station.page.steering import SHAPES, Steering
+from rcopterx.ground_station.page.steering import SHAPES, PageSteering
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
@@ -32,7 +32,7 @@ GROUPS: Final = (*_STATES, EFFORT)  # names of the factors on the weights of the
 CASCADE: Final = "cascade"
 
 
-def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
+def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: PageSteering) -> None:
     """Add the choice of a formation behind a leader."""
     names = tuple(fleet.file.vehicles)
     leader = server.gui.add_dropdown("leader", names, initial_value=names[0])
@@ -52,7 +52,9 @@ class VehicleControls:
     Without `steering` there is only the table, for a page that only watches.
     """
 
-    def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering | None) -> None:
+    def __init__(
+        self, server: viser.ViserServer, fleet: Fleet, name: str, steering: PageSteering | None
+    ) -> None:
         self._name = name
         self.table = server.gui.add_html("")
         self._steering = steering
@@ -114,7 +116,7 @@ class Tuned(NamedTuple):
 class WeightControls:
     """Sliders for factors on the default weights of the cascade, with undo."""
 
-    def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering) -> None:
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: PageSteering) -> None:
         self._fleet = fleet
         self._name = name
         self._steering = steering
@@ -168,7 +170,7 @@ class WeightControls:
 class Waypoints:
     """Waypoints, clicked on a horizontal plane of the scene, for one vehicle."""
 
-    def __init__(self, server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, steering: PageSteering) -> None:
         self._server = server
         self._fleet = fleet
         self._steering = steering
@@ -278,7 +280,7 @@ def vehicle_table(state: VehicleState) -> str:
     return f'<table style="{_TABLE}">{rows}</table>'
 
 
-def event_list(events: Sequence[Event], now_s: float) -> str:
+def event_list(events: Sequence[LoggedEvent], now_s: float) -> str:
     """Newest events first, with their age."""
     rows = "".join(
         f'<tr><td style="{_SHORT}">{_ago(now_s - event.time_s)}</td>'

@@ -15,7 +15,7 @@ from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.scene import FleetScene
-from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.steering import PageSteering
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
@@ -83,7 +83,7 @@ class FleetPage:
         fleet.watch_motion()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
-        self.steering = steering = Steering(fleet, self.notify) if frame.steers else None
+        self.steering = steering = PageSteering(fleet, self.notify) if frame.steers else None
         self._next_text_s = self._next_plot_s = 0.0
         if steering is not None:
             server.requests.update(

@@ -10,7 +10,7 @@ import viser
 from rcopterx.ground_station import geometry
 from rcopterx.ground_station.colours import rgb_colour
 from rcopterx.ground_station.page.history import History
-from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.steering import PageSteering
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.state import Array
@@ -33,7 +33,7 @@ Point = tuple[float, float, float]
 class FleetScene:
     """The scene of a running fleet; without `steering` its handles are hidden."""
 
-    def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: Steering | None) -> None:
+    def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: PageSteering | None) -> None:
         self._server = server
         self._pictures = 0
         self.wind = server.gui.add_checkbox(
@@ -80,7 +80,11 @@ class VehicleShape:
     """One vehicle: body, rotor disc, name, trail, plan, reference; a handle of its set point or place."""
 
     def __init__(
-        self, server: viser.ViserServer, name: str, colour: tuple[int, int, int], steering: Steering | None
+        self,
+        server: viser.ViserServer,
+        name: str,
+        colour: tuple[int, int, int],
+        steering: PageSteering | None,
     ) -> None:
         self._name = name
         self._steering = steering

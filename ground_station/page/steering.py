@@ -50,7 +50,7 @@ def formation_links(
     }
 
 
-class Steering:
+class PageSteering:
     """Requests of the page's users, one of a kind at a time; `notice` is called with every answer."""
 
     def __init__(self, fleet: Fleet, notice: Notice) -> None:

@@ -15,7 +15,7 @@ from rcopterx.bus.messages import Command, Lease, Plan
 from rcopterx.bus.stepping import REQUEST
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
-from rcopterx.flights.mcap_reading import Contents, messages_of
+from rcopterx.flights.mcap_reading import LogContents, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.ground_station.replay.republishing import fleet_of
 
@@ -71,7 +71,7 @@ class RecordedAgent:
 
 def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
     """Read the agent of a vehicle from the files of a flight, in order; raises FlightLogError."""
-    contents = Contents()
+    contents = LogContents()
     own = _own_messages(parts, vehicle, contents)
     fleet = fleet_of(parts)
     if vehicle not in fleet.vehicles:
@@ -103,7 +103,7 @@ class _OwnMessages:
                 self.plans.setdefault((message.epoch, message.frame), []).append(payload)
 
 
-def _own_messages(parts: Sequence[Path], vehicle: str, contents: Contents) -> _OwnMessages:
+def _own_messages(parts: Sequence[Path], vehicle: str, contents: LogContents) -> _OwnMessages:
     own = _OwnMessages(f"{vehicle}/{channels.LEASE.topic}")
     needed = (channels.AGENT_STEPS, channels.ANSWERED, channels.COMMAND, channels.PLAN)
     kinds = {f"{vehicle}/{channel.topic}": channel.message for channel in needed}

@@ -11,9 +11,9 @@ from rcopterx.bus.clock import NANO
 from rcopterx.bus.session import RawMessage
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
-from rcopterx.flights.mcap_reading import Contents, messages_of
+from rcopterx.flights.mcap_reading import LogContents, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
-from rcopterx.ground_station.events import EVENT_CHANNELS, Event, EventFeed
+from rcopterx.ground_station.events import EVENT_CHANNELS, EventFeed, LoggedEvent
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recording
@@ -32,7 +32,7 @@ class LoggedFlight:
     fleet: FleetFile
     metadata: dict[str, str]  # versions, commit, computer, start; see `rcopterx.flights.provenance`
     figures: FlightFigures
-    events: tuple[Event, ...]  # in order; times count from `started_s`
+    events: tuple[LoggedEvent, ...]  # in order; times count from `started_s`
     started_s: float  # arrival of the first pose or state of the laboratory on the clock of the recording
     rejected: dict[str, int]  # messages that this version does not understand, by topic and reason
     missing: tuple[str, ...]  # sentences about what the log lacks
@@ -40,7 +40,7 @@ class LoggedFlight:
 
 def logged_flight(name: str, parts: Sequence[Path], missing: Sequence[str] = ()) -> LoggedFlight:
     """Read a flight from its files, of which something may be `missing`; raises FlightLogError."""
-    contents = Contents()
+    contents = LogContents()
     records = list(records_of(parts, NEEDED, contents))
     seen = (channels.POSE.topic, channels.LABORATORY.topic)
     started_s = next((record.arrived_s for record in records if record.topic in seen), None)
@@ -55,7 +55,7 @@ def logged_flight(name: str, parts: Sequence[Path], missing: Sequence[str] = ())
 
 
 def records_of(
-    parts: Sequence[Path], needed: Iterable[Channel[Any]], contents: Contents | None = None
+    parts: Sequence[Path], needed: Iterable[Channel[Any]], contents: LogContents | None = None
 ) -> Iterator[RawMessage]:
     """Messages of some channels from the files of a flight; raises FlightLogError."""
     topics = {channel.topic for channel in needed}
@@ -66,7 +66,7 @@ def records_of(
                 yield RawMessage(unit, topic, message.payload, message.time_ns / NANO)
 
 
-def events_of(recording: Recording, started_s: float) -> list[Event]:
+def events_of(recording: Recording, started_s: float) -> list[LoggedEvent]:
     """Events of a recorded flight in order; their times count from `started_s` of the recording."""
     feed = EventFeed()
     return [

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rcopterx.ground_station.colours import hex_colour
-from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.latency import STAGES
 from rcopterx.vehicles.state import Array
@@ -37,7 +37,9 @@ def svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *dat
     return text[text.index("<svg") :]
 
 
-def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[Event] = ()) -> str:
+def flight_svg(
+    name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[LoggedEvent] = ()
+) -> str:
     """Positions, references, errors, plans and latencies of the vehicles `names` of a flight, as SVG.
 
     `name` is unique on the page. Events are thin lines at their times, alarming ones in red.
@@ -45,7 +47,9 @@ def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: 
     return svg_of(name, FLIGHT_SIZE, _draw_flight, names, figures, events)
 
 
-def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, events: Sequence[Event]) -> None:
+def _draw_flight(
+    figure: Any, names: Sequence[str], figures: FlightFigures, events: Sequence[LoggedEvent]
+) -> None:
     colours = {name: hex_colour(number) for number, name in enumerate(names)}
     grid = figure.add_gridspec(4, 3, width_ratios=(1.6, 1.6, 1.2))
     first: Any = None

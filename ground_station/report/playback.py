@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rcopterx.ground_station.colours import hex_colour
-from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.report.document import Html
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.vehicles.state import Array
@@ -25,7 +25,7 @@ def playback(
     name: str,
     figures: FlightFigures,
     vehicles: Sequence[str],
-    events: Sequence[Event],
+    events: Sequence[LoggedEvent],
     volume: tuple[Sequence[float], Sequence[float]],
 ) -> Html:
     """Element that plays a flight in three dimensions: drag to turn it, use the wheel to zoom.
@@ -51,7 +51,7 @@ def playback(
 def flight_data(
     figures: FlightFigures,
     vehicles: Sequence[str],
-    events: Sequence[Event],
+    events: Sequence[LoggedEvent],
     volume: tuple[Sequence[float], Sequence[float]],
 ) -> dict[str, Any]:
     """Data of the script: positions and references at equal steps of time, events, volume."""

@@ -58,7 +58,7 @@ class Recording:
         return sum(map(len, self._records.values()))
 
 
-class Recorder:
+class FlightSampler:
     """Records messages between `start` and `stop`: `only` some channels, `kept` newest messages."""
 
     def __init__(

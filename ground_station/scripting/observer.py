@@ -35,7 +35,7 @@ UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been
 FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period
 
 
-class Motion(NamedTuple):
+class ObservedMotion(NamedTuple):
     """Subscriptions to poses and plans of all vehicles, and when they began [s]."""
 
     poses: UnitSubscriptions[Pose]
@@ -89,7 +89,7 @@ class Observer:
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
         self._latency: LatencyWatch | None = None
         self._watching = threading.Lock()
-        self._motion: Motion | None = None
+        self._motion: ObservedMotion | None = None
         self._left_behind: frozenset[str] = frozenset()  # by a take-off, on the floor
 
     def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
@@ -152,7 +152,7 @@ class Observer:
                 self.session, lambda first, second: clock_offset(self._router_statuses(), first, second)
             )
 
-    def watch_motion(self) -> Motion:
+    def watch_motion(self) -> ObservedMotion:
         """Subscribe to every pose and plan, so that states include them: for pages that draw.
 
         They are a hundred messages a second of each vehicle, from every host to this one.
@@ -161,7 +161,7 @@ class Observer:
             if self._motion is None:
                 poses = self.session.subscribe_all(channels.POSE)
                 plans = self.session.subscribe_all(channels.PLAN)
-                self._motion = Motion(poses, plans, self.session.clock())
+                self._motion = ObservedMotion(poses, plans, self.session.clock())
             return self._motion
 
     def _moving_state_of(self, name: str, complete: Callable[[VehicleState], bool]) -> VehicleState:

@@ -5,23 +5,23 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTERS, Conditions
-from rcopterx.simulator.plant import PlantFaults, Pose
-from rcopterx_studies.experiments.events import Event, GoTo
+from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle
 
 STEPS = (
-    GoTo(3.0, "h1", (0.6, 0.4, 1.3)),
-    GoTo(6.0, "h1", (-0.5, -0.4, 0.8), np.pi),
-    GoTo(9.0, "h1", (0.0, 0.0, 1.6)),
-    GoTo(12.0, "h1", (0.6, -0.6, 0.6), -2.0),
-    GoTo(15.0, "h1", (0.0, 0.0, 1.0)),
+    GoToEvent(3.0, "h1", (0.6, 0.4, 1.3)),
+    GoToEvent(6.0, "h1", (-0.5, -0.4, 0.8), np.pi),
+    GoToEvent(9.0, "h1", (0.0, 0.0, 1.6)),
+    GoToEvent(12.0, "h1", (0.6, -0.6, 0.6), -2.0),
+    GoToEvent(15.0, "h1", (0.0, 0.0, 1.0)),
 )
 WINDY = (0.4, 0.4, 0.25, 1.0)
 """Turbulence of nearly three times that of the laboratory."""
 
 
 def rig_of(seed: int, conditions: Conditions = HELICOPTERS, every: int = 1) -> Rig:
-    vehicle = RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "cascade")
+    vehicle = RigVehicle("h1", COAXIAL, StartPose((0.0, 0.0, 1.0)), "cascade")
     return Rig([vehicle], conditions, seed, RigOptions(watch=True, slow={"h1": every}))
 
 
@@ -74,7 +74,7 @@ def test_broken_vehicles_land_at_a_lower_control_rate_too(every: int) -> None:
 @pytest.mark.parametrize("turbulence", [HELICOPTERS.turbulence_rms, WINDY])
 @pytest.mark.parametrize("events", [(), STEPS], ids=["hover", "steps"])
 def test_no_sound_vehicle_of_the_family_lands(
-    seed: int, turbulence: tuple[float, float, float, float], events: tuple[Event, ...]
+    seed: int, turbulence: tuple[float, float, float, float], events: tuple[PilotEvent, ...]
 ) -> None:
     from dataclasses import replace
 

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase, own_heartbeat
+from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, LoopPhase, own_heartbeat
 
 PROGRAM = """
 import os, sys
@@ -20,7 +20,7 @@ for line in sys.stdin:
 
 def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
     page = HeartbeatPage()
-    assert (page.beats, page.phase) == (0, Phase.STARTING)
+    assert (page.beats, page.phase) == (0, LoopPhase.STARTING)
     with subprocess.Popen(
         [sys.executable, "-c", PROGRAM],
         stdin=subprocess.PIPE,
@@ -33,11 +33,11 @@ def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
         assert process.stdout is not None
         page.handed_over()
         for line, beats, phase in (
-            ("heartbeat.beat()", 1, Phase.WORKING),
-            ("heartbeat.beat(flying=True)", 2, Phase.FLYING),
-            ("heartbeat.starting()", 2, Phase.STARTING),
-            ("heartbeat.beat()", 3, Phase.WORKING),
-            ("heartbeat.ending()", 3, Phase.ENDING),
+            ("heartbeat.beat()", 1, LoopPhase.WORKING),
+            ("heartbeat.beat(flying=True)", 2, LoopPhase.FLYING),
+            ("heartbeat.starting()", 2, LoopPhase.STARTING),
+            ("heartbeat.beat()", 3, LoopPhase.WORKING),
+            ("heartbeat.ending()", 3, LoopPhase.ENDING),
         ):
             process.stdin.write(line + "\n")
             process.stdin.flush()
@@ -45,7 +45,7 @@ def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
             assert (page.beats, page.phase) == (beats, phase)
         process.stdin.close()
         assert process.wait(60) == 0
-    assert (page.beats, page.phase) == (3, Phase.ENDING)
+    assert (page.beats, page.phase) == (3, LoopPhase.ENDING)
 
 
 def test_a_process_without_a_supervisor_may_beat() -> None:
@@ -56,4 +56,4 @@ def test_a_phase_that_does_not_exist_asks_for_patience() -> None:
     page = HeartbeatPage()
     os.pwrite(page.descriptor, (17).to_bytes(8, sys.byteorder), 8)
     page.handed_over()
-    assert page.phase is Phase.STARTING
+    assert page.phase is LoopPhase.STARTING

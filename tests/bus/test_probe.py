@@ -13,7 +13,7 @@ import zenoh
 from support.waiting import wait_for
 
 from rcopterx.bus.endpoints import client_config, router_config
-from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage, Phase
+from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage, LoopPhase
 from rcopterx.bus.router import probe_until
 
 KEY = "rcopterx/lab/main/probe/router"
@@ -35,7 +35,7 @@ def router(tmp_path: Path) -> Iterator[tuple[zenoh.Session, HeartbeatPage]]:
         yield session, page
         os.write(end, b".")
         probing.join()
-    assert page.phase is Phase.ENDING
+    assert page.phase is LoopPhase.ENDING
 
 
 def test_it_beats_until_the_router_routes_no_more(router: tuple[zenoh.Session, HeartbeatPage]) -> None:

@@ -20,7 +20,7 @@ from support.waiting import wait_for
 
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.fleet.reading import load_fleet
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_hosts"
 COMPOSE = (EXAMPLE / "compose.yaml").read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ def test_the_fleet_file_can_be_flown_and_fits_the_containers(tmp_path: Path) -> 
 class Containers:
     """What runs on each host, with a run directory of its own."""
 
-    def __init__(self, net: Network, fleet: Path, directory: Path) -> None:
+    def __init__(self, net: NetworkNamespaces, fleet: Path, directory: Path) -> None:
         self._net, self._fleet, self._directory = net, fleet, directory
         self._up: list[tuple[subprocess.Popen[bytes], Path]] = []
 

@@ -15,7 +15,7 @@ from rcopterx.control import plugins
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.arena.tasks import TASKS, Task, wedge
+from rcopterx_studies.arena.tasks import TASKS, ArenaTask, wedge
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "lab_class"
 sys.path.insert(0, str(EXAMPLE))
@@ -32,7 +32,7 @@ ADDED = {
 }
 
 
-def short(task: Task) -> Task:
+def short(task: ArenaTask) -> ArenaTask:
     return replace(task, duration_s=5.5)
 
 
@@ -46,7 +46,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         plugins, "entry_points", lambda group: [point for point in points if point.group == group]
     )
-    tasks: Mapping[str, Task] = {name: short(task) for name, task in TASKS.items()}
+    tasks: Mapping[str, ArenaTask] = {name: short(task) for name, task in TASKS.items()}
     monkeypatch.setattr(grade, "TASKS", tasks)
 
 

@@ -16,7 +16,7 @@ from rcopterx.bus.channels import CHANNELS
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
-from rcopterx.flights.mcap_reading import Contents, contents_of, messages_of
+from rcopterx.flights.mcap_reading import LogContents, contents_of, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile, schemas
 
@@ -88,7 +88,7 @@ def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path
     mended = mend(path)
     assert mended.messages == 1
     assert "after 0.00 s" in mended.missing[0]
-    assert contents_of(mended.path) == Contents(contents.metadata, contents.attachments, complete=True)
+    assert contents_of(mended.path) == LogContents(contents.metadata, contents.attachments, complete=True)
     reader = make_reader(BytesIO(mended.path.read_bytes()), validate_crcs=True)
     assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
     assert path.read_bytes() == damaged
@@ -115,7 +115,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(path: Path) -> None:
     data = bytearray(written([[message(1)], [message(2)], [message(3)]]))
     data[data.index(b"zstd", data.index(b"zstd") + 1) + 40] ^= 0xFF
     path.write_bytes(data)
-    contents = Contents()
+    contents = LogContents()
     assert [found.number for found in messages_of(path, contents)] == [1, 3]
     assert len(contents.missing) == 1
     assert not contents.complete
@@ -126,7 +126,7 @@ CHUNKS = 20
 WHOLE = written([[message(10 * number + i) for i in range(5)] for number in range(CHUNKS)])
 
 
-def numbers_in(path: Path, data: bytes, contents: Contents) -> list[int]:
+def numbers_in(path: Path, data: bytes, contents: LogContents) -> list[int]:
     path.write_bytes(data)
     return [found.number for found in messages_of(path, contents)]
 
@@ -138,7 +138,7 @@ def test_a_flipped_bit_is_noticed_wherever_it_is_and_costs_one_chunk_at_most(
     path = tmp_path_factory.mktemp("flipped") / "a.mcap"
     data = bytearray(WHOLE)
     data[bit // 8] ^= 1 << bit % 8
-    contents = Contents()
+    contents = LogContents()
     assert len(numbers_in(path, data, contents)) >= 5 * (CHUNKS - 1)
     assert not contents.complete
     assert contents.missing
@@ -162,7 +162,7 @@ def test_a_block_that_is_zeroed_or_lost_costs_no_more_than_the_chunks_it_touches
     ]
     intact = [number for number, (first, last) in enumerate(spans) if last <= start or first >= end]
     # Another 9 bytes before a chunk are its head, which is not needed.
-    contents = Contents()
+    contents = LogContents()
     # Without the summary nothing else names the channel that the first chunk declares.
     named = intact if 0 in intact or (end <= spans[-1][1] and zeroed) else []
     read = numbers_in(path, data, contents)
@@ -191,7 +191,7 @@ def test_a_chunk_that_declares_gigabytes_is_left_out_and_costs_no_memory(
     whole = written([[message(1)]])
     start = written([], finish=False)
     path.write_bytes(start + struct.pack("<BQ", 6, len(body)) + body + whole[len(start) :])
-    contents = Contents()
+    contents = LogContents()
     tracemalloc.start()
     assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
     _, peak_bytes = tracemalloc.get_traced_memory()
@@ -205,7 +205,7 @@ def test_a_chunk_with_a_length_beyond_any_file_is_left_out(path: Path) -> None:
     whole = written([[message(1)]])
     start = written([], finish=False)
     path.write_bytes(start + struct.pack("<BQ", 6, len(body)) + body + whole[len(start) :])
-    contents = Contents()
+    contents = LogContents()
     assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
     assert len(contents.missing) == 1
 

@@ -18,7 +18,7 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
-from rcopterx.flights.mcap_reading import Contents, messages_of
+from rcopterx.flights.mcap_reading import LogContents, messages_of
 from rcopterx.flights.mcap_records import MAGIC, FlightLogError
 from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.radios.dsmp import DsmpProtocol
@@ -96,7 +96,7 @@ def flight_log(data: bytes) -> None:
         except FlightLogError:
             return
         assert mended.messages == count
-        contents = Contents()
+        contents = LogContents()
         assert sum(1 for _ in messages_of(mended.path, contents)) == count
         assert contents.complete
         assert path.read_bytes() == data

@@ -7,14 +7,14 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 
 def test_a_recording_holds_what_travelled_between_start_and_stop(
     fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
 ) -> None:
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     assert len(recorder.stop()) == 0
     recorder.start()
     wait_for(lambda: len(recorder) > 30, "nothing is recorded")
@@ -28,7 +28,7 @@ def test_a_recording_holds_what_travelled_between_start_and_stop(
 
 
 def test_a_recorder_with_a_limit_keeps_the_newest(fleet: Fleet) -> None:
-    recorder = Recorder(fleet.session, kept=5)
+    recorder = FlightSampler(fleet.session, kept=5)
     recorder.start()
     wait_for(lambda: len(recorder) == 5, "nothing is recorded")
     before_s = fleet.session.clock()

@@ -25,10 +25,10 @@ from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.report.promises import NEEDED
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010
@@ -50,7 +50,7 @@ def fleet_on_hosts(
     spares: tuple[str, ...] = (),
     certificates: bool = False,
     simulator: str = "",
-) -> Iterator[tuple[Network, Flying]]:
+) -> Iterator[tuple[NetworkNamespaces, Flying]]:
     """Start a trio over hosts, the first one with its gateways, the second one with its agents.
 
     Each host runs its daemon, and the fleet is started through them, as in a laboratory. `RCOPTERX_RUN` is
@@ -86,14 +86,14 @@ def fleet_on_hosts(
         )
         fleet.wait_until(Steady(fleet), START_S, "poses do not come regularly")
         fleet.wait_ready(timeout_s=START_S)
-        flying = Flying(path, fleet, {}, Recorder(fleet.session, only=NEEDED))
+        flying = Flying(path, fleet, {}, FlightSampler(fleet.session, only=NEEDED))
         flying.recorder.start()
         yield net, flying
         flying.check_promises()
 
 
 @contextmanager
-def daemon(net: Network, path: Path, host: str) -> Iterator[None]:
+def daemon(net: NetworkNamespaces, path: Path, host: str) -> Iterator[None]:
     """The daemon of a host of a fleet file, which writes its log beside that file."""
     words = ("-m", "rcopterx", "host", str(path), "--host", host)
     run_directory_of(host).mkdir(mode=0o700)
@@ -113,7 +113,7 @@ def trio_in_flight(
     spares: tuple[str, ...] = (),
     certificates: bool = False,
     simulator: str = "",
-) -> Iterator[tuple[Network, Flying]]:
+) -> Iterator[tuple[NetworkNamespaces, Flying]]:
     """`fleet_on_hosts` in formation; the test is skipped where there are no network namespaces."""
     with ExitStack() as stack:
         # A short path, because the routers' sockets live in it.
@@ -158,7 +158,7 @@ def environment_of(host: str) -> dict[str, str]:
     return os.environ | {"RCOPTERX_RUN": str(run_directory_of(host))}
 
 
-def kill_host(net: Network, host: str) -> None:
+def kill_host(net: NetworkNamespaces, host: str) -> None:
     """Cut the link of a host and kill its processes."""
     net.cut(host)
     listed = subprocess.run(

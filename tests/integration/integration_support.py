@@ -22,7 +22,7 @@ from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import at_speed, load_fleet
 from rcopterx.ground_station.report.promises import NEEDED, broken_promises
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError
 
@@ -40,7 +40,7 @@ class Flying:
     path: Path
     fleet: Fleet
     launchers: dict[str, Launcher]
-    recorder: Recorder
+    recorder: FlightSampler
     """Records what `check_promises` checks."""
 
     def check_promises(self) -> None:
@@ -215,7 +215,7 @@ def fleets(
                 for host in file.hosts
             }
             fleet = Fleet(file, timeout_s=30, process=script)
-            flying = Flying(path, fleet, launchers, Recorder(fleet.session, only=NEEDED))
+            flying = Flying(path, fleet, launchers, FlightSampler(fleet.session, only=NEEDED))
             flying.recorder.start()
             stack.callback(flying.check_promises)
             stack.callback(cut, fleet)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from rcopterx.agents.takeover import WARM_S
 from rcopterx.command_line import app
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(300)]
 
@@ -31,7 +31,7 @@ LONGEST_GAP_MS = 100.0
 @pytest.fixture(params=["laboratory"])
 def on_four_hosts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> Iterator[tuple[Network, Flying]]:
+) -> Iterator[tuple[NetworkNamespaces, Flying]]:
     """A trio in formation at rest over four hosts with certificates; its agents run on the second one.
 
     The parameter names the conditions.
@@ -85,7 +85,7 @@ def watched(flying: Flying, truth: Truth, name: str) -> list[float]:
 # Where there is no wind, what a move adds can be seen.
 @pytest.mark.parametrize("on_four_hosts", ["ideal", "laboratory"], indirect=True)
 def test_an_agent_moves_to_another_host_and_back_in_flight(
-    on_four_hosts: tuple[Network, Flying],
+    on_four_hosts: tuple[NetworkNamespaces, Flying],
 ) -> None:
     _, flying = on_four_hosts
     fleet, truth, obeyed = flying.fleet, Truth(flying), Obeyed(flying, NAMES)
@@ -132,7 +132,9 @@ def test_an_agent_moves_to_another_host_and_back_in_flight(
     fleet.land()
 
 
-def test_agents_run_again_on_another_host_when_theirs_dies(on_four_hosts: tuple[Network, Flying]) -> None:
+def test_agents_run_again_on_another_host_when_theirs_dies(
+    on_four_hosts: tuple[NetworkNamespaces, Flying],
+) -> None:
     net, flying = on_four_hosts
     fleet, truth, obeyed = flying.fleet, Truth(flying), Obeyed(flying, NAMES)
     fleet.wait_until(truth.rested, 30, "the formation does not rest")
@@ -153,7 +155,7 @@ def test_agents_run_again_on_another_host_when_theirs_dies(on_four_hosts: tuple[
 
 
 def test_agents_of_a_host_that_dies_on_the_floor_run_elsewhere_and_take_off(
-    on_four_hosts: tuple[Network, Flying],
+    on_four_hosts: tuple[NetworkNamespaces, Flying],
 ) -> None:
     net, flying = on_four_hosts
     fleet = flying.fleet

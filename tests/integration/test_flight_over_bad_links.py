@@ -10,7 +10,7 @@ from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 from support.bad_links import reset, slow
 
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 
@@ -22,14 +22,16 @@ FLYING_AGAIN_S = 0.5
 
 
 @pytest.fixture
-def on_four_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Network, Flying]]:
+def on_four_hosts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[NetworkNamespaces, Flying]]:
     """A trio in formation over four hosts with certificates; its agents run on the second one."""
     with trio_in_flight(tmp_path, HOSTS, monkeypatch, certificates=True) as found:
         yield found
 
 
 def test_a_fleet_flies_over_a_link_that_delays_stalls_and_resets(
-    on_four_hosts: tuple[Network, Flying],
+    on_four_hosts: tuple[NetworkNamespaces, Flying],
 ) -> None:
     net, flying = on_four_hosts
     fleet, truth, obeyed = flying.fleet, Truth(flying), Obeyed(flying, NAMES)

@@ -8,7 +8,7 @@ import pytest
 from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth, landed_gently
 
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 
@@ -26,13 +26,13 @@ MOST_MISSED = 12
 @pytest.fixture(params=[False, True], ids=["insecure", "certificates"])
 def on_four_hosts(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[tuple[Network, Flying]]:
+) -> Iterator[tuple[NetworkNamespaces, Flying]]:
     """A trio in formation; the test is skipped where there are no network namespaces."""
     with trio_in_flight(tmp_path, HOSTS, monkeypatch, certificates=request.param) as found:
         yield found
 
 
-def cut_for(net: Network, host: str, seconds: float) -> tuple[float, float]:
+def cut_for(net: NetworkNamespaces, host: str, seconds: float) -> tuple[float, float]:
     """Cut the link of a host to all others; returns when, and when it was restored [monotonic s]."""
     began_s = time.monotonic()
     net.cut(host)
@@ -51,7 +51,7 @@ def flown_again_s(flying: Flying, obeyed: Obeyed, restored_s: float) -> float:
 
 
 def test_links_are_cut_and_everybody_flies_again_when_they_are_back(
-    on_four_hosts: tuple[Network, Flying],
+    on_four_hosts: tuple[NetworkNamespaces, Flying],
 ) -> None:
     net, flying = on_four_hosts
     truth, obeyed = Truth(flying), Obeyed(flying, NAMES)

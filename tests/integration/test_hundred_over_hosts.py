@@ -21,11 +21,11 @@ from rcopterx.bus import channels
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hundred.py"
 hundred = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))
@@ -44,7 +44,7 @@ LIMIT_S = 40.0
 """Limit of a take-off or landing, in the time of the fleet."""
 
 
-def over_hosts(file: FleetFile, net: Network, certificates: Path) -> str:
+def over_hosts(file: FleetFile, net: NetworkNamespaces, certificates: Path) -> str:
     """Text of the fleet file `hundred` with a host for each group."""
     text = tomlkit.parse(fleet_path("hundred").read_text(encoding="utf-8"))
     hosts = list(net.addresses)
@@ -101,7 +101,7 @@ def missed(fleet: Fleet) -> int:
     return sum(agent.diagnostics.missed_ticks for agent in agents if agent is not None)
 
 
-def places_m(recorder: Recorder, names: Sequence[str]) -> Array:
+def places_m(recorder: FlightSampler, names: Sequence[str]) -> Array:
     """True places of vehicles, shape (k, n, 3), while a recorder ran, which is stopped."""
     messages = recorder.stop().messages(channels.LABORATORY, channels.SIMULATOR_UNIT)
     return np.array([[state.vehicles[name].position_m for name in names] for state, _ in messages])
@@ -125,7 +125,7 @@ def errors_mm(file: FleetFile, places: Array) -> tuple[float, float]:
 def test_a_hundred_take_off_change_their_formation_and_land_over_ten_hosts(fleet: Fleet) -> None:
     """No period is missed, no two vehicles come close, and every vehicle lands."""
     names = list(fleet.file.vehicles)
-    recorder = Recorder(fleet.session, only=(channels.LABORATORY,))
+    recorder = FlightSampler(fleet.session, only=(channels.LABORATORY,))
     fleet.take_off(height_m=hundred.HEIGHT_M, timeout_s=LIMIT_S)
     fleet.wait_for_formation()
     recorder.start()

@@ -8,7 +8,7 @@ from integration_support import NAMES, Flying, Truth, at
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Plan
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
@@ -113,7 +113,7 @@ def wait_for_frames(flying: Flying, name: str, count: int) -> None:
 
 def test_new_leader_is_followed_soon_and_without_a_bump(flying: Flying, truth: Truth) -> None:
     fleet = flying.fleet
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     wait_for_frames(flying, "h3", CALM_FRAMES)
     asked = fleet["h3"].plan
@@ -134,7 +134,7 @@ def test_new_leader_is_followed_soon_and_without_a_bump(flying: Flying, truth: T
 
 def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, truth: Truth) -> None:
     before = places(truth)
-    recorder = Recorder(flying.fleet.session)
+    recorder = FlightSampler(flying.fleet.session)
     recorder.start()
     wait_for_frames(flying, "h3", CALM_FRAMES)
     lines = flying.fleet.promote("h2")

@@ -7,7 +7,7 @@ import pytest
 from integration_support import Flying, fleet_text, free_port
 
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(240)]
 
@@ -49,7 +49,7 @@ def test_chain_of_five_follows_its_head_and_publishes_the_whole_line(launch: Lau
     plan = fleet["h5"].plan
     assert plan is not None
     assert plan.ancestors == ("h4", "h3", "h2", "h1")
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     fleet["h1"].go_to((0.8, 0.3, 1.0))
     fleet.wait_for_arrival(["h1"])

@@ -9,7 +9,7 @@ from integration_support import Flying, fleet_text, free_port
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(120)]
 
@@ -42,7 +42,7 @@ def test_helicopters_and_a_quadrotor_fly_one_formation_and_either_type_leads(lau
     }  # fmt: skip
     fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
     fleet.wait_for_formation()
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     fleet["h1"].go_to((0.3, 0.2, 0.9), 0.4)
     fleet.wait_for_arrival(["h1"])

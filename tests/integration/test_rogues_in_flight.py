@@ -24,7 +24,7 @@ from rcopterx.deploy.certificates.files import credentials, directory_of
 from rcopterx.deploy.certificates.issuing import issue, read_authority
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
 from rcopterx.deploy.processes.log_reading import ProcessLogs
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 
@@ -39,7 +39,7 @@ REFUSALS = ("old sequence number", "control lease lost", "command computed from 
 class Laboratory:
     """A trio in flight over four hosts, and rogues in it."""
 
-    def __init__(self, net: Network, flying: Flying) -> None:
+    def __init__(self, net: NetworkNamespaces, flying: Flying) -> None:
         self.net, self.flying, self.fleet = net, flying, flying.fleet
         self.truth, self.obeyed = Truth(flying), Obeyed(flying, NAMES)
         directory = directory_of(flying.fleet.file)

@@ -7,7 +7,7 @@ import pytest
 from integration_support import Flying, Truth
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(240)]
@@ -24,7 +24,7 @@ def test_a_fleet_flies_in_its_own_time(launch: Callable[..., Flying]) -> None:
         assert other.file.clock == fleet.file.clock
         assert other.file.clock.speed == SPEED
     fleet.take_off(timeout_s=40)
-    truth, recorder = Truth(flying), Recorder(fleet.session, only=(channels.POSE,))
+    truth, recorder = Truth(flying), FlightSampler(fleet.session, only=(channels.POSE,))
     fleet.wait_until(lambda: truth("h1") is not None, 10, "no laboratory")
     truth.start_watch()
     recorder.start()

@@ -8,7 +8,7 @@ from integration_support import Flying, fleet_text, free_port
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(120)]
 
@@ -39,7 +39,7 @@ def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_h
     fleet = launch(text).fleet
     fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
     fleet.wait_for_formation()
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     fleet["h1"].go_to((0.3, 0.2, 0.9), 0.4)
     fleet.wait_for_arrival(["h1"])

@@ -12,7 +12,7 @@ from rcopterx.radios.crazyflie import (
     CrazyflieSettings,
 )
 from rcopterx.radios.protocol import FrameFlags, ProtocolError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 
 DISARMED, ARMED = 1100.0, 1900.0
 HOVER = (1540.0, 1500.0, 1500.0, 1500.0, ARMED)
@@ -25,7 +25,7 @@ def packets(frame: bytes) -> list[crtp.Packet]:
     return [crtp.Packet.from_bytes(raw) for raw in crtp.separated(frame)]
 
 
-def set_point(frame: bytes) -> SetPoint:
+def set_point(frame: bytes) -> AttitudeSetPoint:
     [point] = [crtp.set_point_of(each) for each in packets(frame) if each.port == crtp.COMMANDER]
     return point
 
@@ -51,13 +51,13 @@ def test_a_frame_of_an_armed_vehicle_is_read_back(
 @pytest.mark.parametrize(
     ("channel", "expected"),
     [
-        (1, SetPoint(roll_deg=30.0, thrust=0.55)),
-        (2, SetPoint(pitch_deg=-30.0, thrust=0.55)),
-        (3, SetPoint(yaw_rate_deg_s=200.0, thrust=0.55)),
+        (1, AttitudeSetPoint(roll_deg=30.0, thrust=0.55)),
+        (2, AttitudeSetPoint(pitch_deg=-30.0, thrust=0.55)),
+        (3, AttitudeSetPoint(yaw_rate_deg_s=200.0, thrust=0.55)),
     ],
 )
 def test_sticks_to_the_right_and_forward_are_the_firmwares_directions(
-    channel: int, expected: SetPoint
+    channel: int, expected: AttitudeSetPoint
 ) -> None:
     sticks = [*HOVER]
     sticks[channel] = 1900.0
@@ -75,7 +75,7 @@ def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
 ) -> None:
     channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
     frame = CrazyflieProtocol().encode(channels, FrameFlags(kill=kill))
-    assert set_point(frame) == SetPoint()
+    assert set_point(frame) == AttitudeSetPoint()
     assert (packets(frame)[0] == crtp.EMERGENCY_STOP) is kill
 
 

@@ -12,10 +12,10 @@ from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import PATIENCE_FRAMES, BatteryLog
 from rcopterx.radios.protocol import FrameDecodeError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie import Crazyflie
 
-FLY = SetPoint(thrust=0.6)
+FLY = AttitudeSetPoint(thrust=0.6)
 
 
 class Bench:
@@ -25,7 +25,7 @@ class Bench:
         self.now_s = 0.0
         self.requests = 0
 
-    def run(self, frames: int, point: SetPoint, *, every: int = 1) -> None:
+    def run(self, frames: int, point: AttitudeSetPoint, *, every: int = 1) -> None:
         """Exchange frames; of the answers only each `every`th arrives."""
         for frame in range(frames):
             self.now_s += 0.02
@@ -40,7 +40,7 @@ class Bench:
 
 def test_the_voltage_is_found_and_then_arrives_by_itself() -> None:
     bench = Bench()
-    bench.run(60, SetPoint())
+    bench.run(60, AttitudeSetPoint())
     assert bench.log.voltage_v is not None
     assert 4.19 < bench.log.voltage_v < 4.21
     asked = bench.requests
@@ -51,17 +51,17 @@ def test_the_voltage_is_found_and_then_arrives_by_itself() -> None:
 
 def test_answers_that_are_lost_are_asked_for_again() -> None:
     bench = Bench()
-    bench.run(300, SetPoint(), every=3)
+    bench.run(300, AttitudeSetPoint(), every=3)
     assert bench.log.voltage_v is not None
 
 
 def test_a_vehicle_that_started_anew_is_subscribed_to_again() -> None:
     bench = Bench()
-    bench.run(100, SetPoint())
+    bench.run(100, AttitudeSetPoint())
     bench.run(50 * 120, FLY)
     bench.vehicle.power_cycle(bench.now_s)
     worn_v = bench.log.voltage_v
-    bench.run(PATIENCE_FRAMES + 100, SetPoint())
+    bench.run(PATIENCE_FRAMES + 100, AttitudeSetPoint())
     assert worn_v is not None
     assert bench.log.voltage_v is not None
     assert bench.log.voltage_v > worn_v

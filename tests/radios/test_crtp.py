@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rcopterx.radios import crtp
 from rcopterx.radios.protocol import FrameDecodeError
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 
 packets = st.builds(crtp.Packet, st.integers(0, 15), st.integers(0, 3), st.binary(max_size=crtp.LONGEST_DATA))
 angles = st.floats(-400.0, 400.0, width=32)
@@ -23,7 +23,7 @@ def test_a_packet_survives_its_encoding(packet: crtp.Packet) -> None:
 
 @given(angles, angles, angles, st.integers(0, 65535))
 def test_a_set_point_survives_its_encoding(roll: float, pitch: float, yaw: float, thrust: int) -> None:
-    set_point = SetPoint(roll, pitch, yaw, thrust / crtp.FULL_THRUST)
+    set_point = AttitudeSetPoint(roll, pitch, yaw, thrust / crtp.FULL_THRUST)
     assert crtp.set_point_of(crtp.set_point_packet(set_point)) == set_point
 
 
@@ -48,7 +48,7 @@ def test_any_bytes_are_decoded_or_rejected(raw: bytes) -> None:
 
 
 def test_the_bytes_are_those_of_the_documentation() -> None:
-    point = SetPoint(1.0, -2.0, 3.0, 2 / 3)
+    point = AttitudeSetPoint(1.0, -2.0, 3.0, 2 / 3)
     assert crtp.set_point_packet(point).to_bytes() == b"\x3c" + struct.pack("<fffH", 1.0, -2.0, 3.0, 40_000)
     assert crtp.STATE_REQUEST.to_bytes() == b"\x9c\x0c"
     assert crtp.arm_request(on=True).to_bytes() == b"\x9d\x01\x01"

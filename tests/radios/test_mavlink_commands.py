@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from rcopterx.radios.mavlink import FORCE, set_point_of
 from rcopterx.radios.mavlink_state import SETTLING_S
 from rcopterx.radios.protocol import FrameFlags
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
     peer.heartbeat(armed=True, mode=OFFBOARD << 16)
     channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
     by_kind = {each.get_type(): each for each in peer.frame(channels, FrameFlags(kill=kill))}
-    assert set_point_of(by_kind["SET_ATTITUDE_TARGET"])[0] == SetPoint()
+    assert set_point_of(by_kind["SET_ATTITUDE_TARGET"])[0] == AttitudeSetPoint()
     command = by_kind["COMMAND_LONG"]
     assert (command.command, command.param1, command.param2 == FORCE) == (ARM, 0, kill)
 

@@ -22,7 +22,7 @@ from rcopterx.bus.messages import Kill
 from rcopterx.bus.session import BusAddress
 from rcopterx.command_line import app
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
-from rcopterx.kill import Verdict, kill, parsed, report, run
+from rcopterx.kill import KillVerdict, kill, parsed, report, run
 
 Vehicles = dict[str, ScriptedVehicle]
 READING_S = 0.02
@@ -85,7 +85,7 @@ def test_a_router_that_no_record_tells_of_is_asked_who_is_there(
     bus_address: BusAddress, vehicles: Vehicles
 ) -> None:
     unknown = RunningFleet("", "", bus_address.namespace, "", list(bus_address.endpoints), [], [], "")
-    assert kill([unknown]) == [Verdict("lab", "h1", ""), Verdict("lab", "h2", "")]
+    assert kill([unknown]) == [KillVerdict("lab", "h1", ""), KillVerdict("lab", "h2", "")]
 
 
 def test_a_fleet_that_is_named_is_the_only_one_that_obeys(
@@ -94,7 +94,7 @@ def test_a_fleet_that_is_named_is_the_only_one_that_obeys(
     monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.3)
     other = record(bus_address, "attic")
     reason = "its transmitter gateway does not respond"
-    assert kill([other], only="attic") == [Verdict("attic", name, reason) for name in ("h1", "h2")]
+    assert kill([other], only="attic") == [KillVerdict("attic", name, reason) for name in ("h1", "h2")]
     assert [vehicle.state for vehicle in vehicles.values()] == ["disarmed", "disarmed"]
 
 
@@ -162,7 +162,9 @@ def test_the_bytes_on_the_wire_are_a_valid_kill_on_its_channel(monkeypatch: pyte
 
 def test_verdicts_become_lines() -> None:
     fleets = [record(own_address())]
-    lines = report([Verdict("lab", "h1", ""), Verdict("lab", "h2", "its arbiter is ARMED")], ["h1"], fleets)
+    lines = report(
+        [KillVerdict("lab", "h1", ""), KillVerdict("lab", "h2", "its arbiter is ARMED")], ["h1"], fleets
+    )
     assert lines == ["lab: h1 killed", "error: lab: h2 not killed: its arbiter is ARMED"]
 
 

@@ -10,7 +10,7 @@ from support.vehicle_types import COAXIAL, TYPES
 
 from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.laboratory import Laboratory, wake_below
-from rcopterx.simulator.plant import STILL, Pose
+from rcopterx.simulator.plant import STILL, StartPose
 
 
 def test_downwash_is_full_close_below_and_falls_with_the_distance_and_to_the_sides() -> None:
@@ -40,7 +40,7 @@ def test_slopes_are_those_of_the_downwash(x: float, y: float, below: float) -> N
 
 
 def test_a_helicopter_at_the_edge_of_a_wake_tilts_towards_its_middle() -> None:
-    start = {"above": Pose((0.0, 0.0, 1.5)), "below": Pose((-0.15, 0.1, 1.1))}
+    start = {"above": StartPose((0.0, 0.0, 1.5)), "below": StartPose((-0.15, 0.1, 1.1))}
     lab = Laboratory(
         dict.fromkeys(start, COAXIAL), start, replace(IDEAL, coaxial_plant="helicopter", downwash_m_s2=2.5)
     )
@@ -56,7 +56,11 @@ def test_vehicle_below_another_is_pushed_down_and_the_upper_one_not(kind: str) -
     windless = replace(
         HELICOPTER, turbulence_rms=(0.0, 0.0, 0.0, 0.0), parameter_mismatch=0.0, trim_offset=0.0
     )
-    start = {"above": Pose((0.0, 0.0, 1.5)), "below": Pose((0.05, 0.0, 1.1)), "aside": Pose((1.0, 0.0, 1.1))}
+    start = {
+        "above": StartPose((0.0, 0.0, 1.5)),
+        "below": StartPose((0.05, 0.0, 1.1)),
+        "aside": StartPose((1.0, 0.0, 1.1)),
+    }
     lab = Laboratory(dict.fromkeys(start, model), start, windless)
     for name in start:
         lab.plants[name].set_input(model.hover_input)
@@ -70,10 +74,12 @@ def test_vehicle_below_another_is_pushed_down_and_the_upper_one_not(kind: str) -
 
 
 def test_vehicle_that_stands_or_that_the_conditions_leave_alone_feels_none() -> None:
-    start = {"above": Pose((0.0, 0.0, 1.5)), "below": Pose((0.0, 0.0, 1.2))}
+    start = {"above": StartPose((0.0, 0.0, 1.5)), "below": StartPose((0.0, 0.0, 1.2))}
     lab = Laboratory(dict.fromkeys(start, COAXIAL), start, replace(IDEAL, coaxial_plant="helicopter"))
     lab.advance(0.1)
     assert lab.plants["below"].wake == STILL
-    lab = Laboratory(dict.fromkeys(start, COAXIAL), {**start, "above": Pose((0.0, 0.0, 0.0))}, HELICOPTER)
+    lab = Laboratory(
+        dict.fromkeys(start, COAXIAL), {**start, "above": StartPose((0.0, 0.0, 0.0))}, HELICOPTER
+    )
     lab.advance(0.1)
     assert lab.plants["below"].wake == STILL

@@ -6,15 +6,15 @@ import pytest
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
-from rcopterx.radios.set_points import SetPoint
+from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, STOP_AFTER_S, WATCHDOG_S, Crazyflie
 
 SETTINGS = CrazyflieSettings()
-FLY = SetPoint(roll_deg=15.0, thrust=0.6)
+FLY = AttitudeSetPoint(roll_deg=15.0, thrust=0.6)
 
 
 def flown(vehicle: Crazyflie, now_s: float = 0.0) -> None:
-    for point in (SetPoint(), FLY):
+    for point in (AttitudeSetPoint(), FLY):
         vehicle.receive(crtp.set_point_packet(point).to_bytes(), now_s)
     assert vehicle.motors_run
 
@@ -50,7 +50,7 @@ def test_without_set_points_it_levels_itself_then_stops_until_a_restart() -> Non
 
 def test_without_set_points_on_the_floor_it_is_not_locked() -> None:
     vehicle = Crazyflie(SETTINGS)
-    vehicle.receive(crtp.set_point_packet(SetPoint()).to_bytes(), 0.0)
+    vehicle.receive(crtp.set_point_packet(AttitudeSetPoint()).to_bytes(), 0.0)
     vehicle.advance(10.0)
     assert asked(vehicle, 10.0).armed
     vehicle.receive(crtp.set_point_packet(FLY).to_bytes(), 10.0)
@@ -73,7 +73,11 @@ def test_a_stop_lasts_until_a_restart() -> None:
     flown(vehicle)
     vehicle.receive(crtp.EMERGENCY_STOP.to_bytes(), 0.1)
     assert not vehicle.motors_run
-    for packet in (crtp.arm_request(on=True), crtp.set_point_packet(SetPoint()), crtp.set_point_packet(FLY)):
+    for packet in (
+        crtp.arm_request(on=True),
+        crtp.set_point_packet(AttitudeSetPoint()),
+        crtp.set_point_packet(FLY),
+    ):
         vehicle.receive(packet.to_bytes(), 0.2)
     assert not vehicle.motors_run
     vehicle.power_cycle(1.0)
@@ -83,7 +87,7 @@ def test_a_stop_lasts_until_a_restart() -> None:
 def test_a_brushless_vehicle_flies_only_while_it_is_armed() -> None:
     vehicle = Crazyflie(SETTINGS, arms_itself=False)
     on, off = (crtp.arm_request(on=on).to_bytes() for on in (True, False))
-    for point in (SetPoint(), FLY):
+    for point in (AttitudeSetPoint(), FLY):
         vehicle.receive(crtp.set_point_packet(point).to_bytes(), 0.0)
     assert not vehicle.motors_run
     assert asked(vehicle, 0.0).can_be_armed

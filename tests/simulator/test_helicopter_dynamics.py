@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from rcopterx.simulator.helicopter_dynamics import (
     Controls,
-    State,
+    HelicopterState,
     airframe_of,
     commanded_speeds,
     derivative,
@@ -30,18 +30,18 @@ STEP_S = 0.004
 sizes = st.floats(0.6, 1.0)
 
 
-def hovering(vehicle: HelicopterParameters, yaw_rad: float = 0.0) -> State:
+def hovering(vehicle: HelicopterParameters, yaw_rad: float = 0.0) -> HelicopterState:
     return level_state(HIGH, yaw_rad, vehicle.hover_speeds_rad_s)
 
 
 def flown(
     vehicle: HelicopterParameters,
-    state: State,
+    state: HelicopterState,
     seconds: float,
     swash: tuple[float, float] = (0.0, 0.0),
     throttle: tuple[float, float] | None = HOVER,
     step_s: float = STEP_S,
-) -> State:
+) -> HelicopterState:
     airframe, controls = (
         airframe_of(vehicle),
         Controls(*swash, throttle is not None, *(throttle or (0.0, 0.0))),
@@ -51,12 +51,12 @@ def flown(
     return state
 
 
-def mast(state: State) -> Array:
+def mast(state: HelicopterState) -> Array:
     w, x, y, z = state[6:10]
     return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
-def hovering_rate(vehicle: HelicopterParameters, state: State) -> Array:
+def hovering_rate(vehicle: HelicopterParameters, state: HelicopterState) -> Array:
     return np.array(derivative(airframe_of(vehicle), state, Controls(0.0, 0.0, True, *HOVER), 1.0, CALM))
 
 
@@ -64,7 +64,7 @@ def linearised(vehicle: HelicopterParameters) -> Array:
     start = np.array(hovering(vehicle))
 
     def rate(state: Array) -> Array:
-        return hovering_rate(vehicle, State(*state.tolist()))
+        return hovering_rate(vehicle, HelicopterState(*state.tolist()))
 
     steps = 1e-5 * np.eye(len(start))
     return np.array([(rate(start + step) - rate(start - step)) / 2e-5 for step in steps]).T
@@ -140,7 +140,7 @@ def test_airspeed_tilts_the_vehicle_against_it(yaw_rad: float) -> None:
     airframe, state = airframe_of(vehicle), hovering(vehicle, yaw_rad)
     hover = Controls(0.0, 0.0, True, *HOVER)
 
-    def tilting(state: State, air: tuple[float, ...]) -> Array:
+    def tilting(state: HelicopterState, air: tuple[float, ...]) -> Array:
         """Angular acceleration of the mast towards inertial x and y."""
         rate = derivative(airframe, state, hover, 1.0, air)
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -203,7 +203,7 @@ def test_body_without_rotors_and_air_keeps_its_energy_and_angular_momentum(
     )
     inertia = np.array(vehicle.inertia_kg_m2)
 
-    def conserved(state: State) -> tuple[float, Array]:
+    def conserved(state: HelicopterState) -> tuple[float, Array]:
         motion = vehicle.mass_kg * (0.5 * np.sum(np.square(state[3:6])) + GRAVITY_M_S2 * state[2])
         body = np.array(state[10:13])
         w, x, y, z = state[6:10]

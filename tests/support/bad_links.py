@@ -1,4 +1,4 @@
-"""Disturbances of the links between the hosts of a `Network`."""
+"""Disturbances of the links between the hosts of a `NetworkNamespaces`."""
 
 import subprocess
 import sys
@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rcopterx_studies.benchmarks.namespaces import NETWORK, Network
+from rcopterx_studies.benchmarks.namespaces import NETWORK, NetworkNamespaces
 
 CABLE = Path(__file__).with_name("cable.py")
 
 
 @contextmanager
-def slow(net: Network, host: str, delay_s: float, jitter_s: float) -> Iterator["subprocess.Popen[str]"]:
+def slow(
+    net: NetworkNamespaces, host: str, delay_s: float, jitter_s: float
+) -> Iterator["subprocess.Popen[str]"]:
     """Delay frames to and from a host; yields the process of the cable."""
     number = list(net.addresses).index(host)
     left, right, bridge, far = (f"{name}{number}" for name in ("left", "right", "slow", "far"))
@@ -34,7 +36,7 @@ def slow(net: Network, host: str, delay_s: float, jitter_s: float) -> Iterator["
         cable.wait()
 
 
-def reset(net: Network, host: str) -> None:
+def reset(net: NetworkNamespaces, host: str) -> None:
     """Reset all connections of a host to others, as a firewall that was restarted does."""
     subprocess.run(
         ["ip", "netns", "exec", net.namespace(host), "ss", "-K", "-t", "dst", f"{NETWORK}.0/24"],
@@ -43,6 +45,6 @@ def reset(net: Network, host: str) -> None:
     )
 
 
-def in_switch(net: Network, *words: str) -> None:
+def in_switch(net: NetworkNamespaces, *words: str) -> None:
     """Run `ip` between the hosts."""
     subprocess.run(["ip", "-n", net.switch, *words], check=True, capture_output=True)

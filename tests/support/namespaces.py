@@ -5,11 +5,11 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from rcopterx_studies.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces, NetworkUnavailableError, network
 
 
 @contextmanager
-def network_or_skip(hosts: Sequence[str]) -> Iterator[Network]:
+def network_or_skip(hosts: Sequence[str]) -> Iterator[NetworkNamespaces]:
     """A network of these hosts; the test is skipped with the reason where namespaces need other rights."""
     with ExitStack() as stack:
         try:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
@@ -26,7 +26,7 @@ class Page:
     """A heartbeat page that a test writes."""
 
     beats: int = 0
-    phase: Phase = Phase.WORKING
+    phase: LoopPhase = LoopPhase.WORKING
 
 
 @dataclass(eq=False)

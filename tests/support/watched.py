@@ -1,7 +1,7 @@
 """Processes of a host as a watchdog sees them."""
 
-from rcopterx.bus.heartbeat import Phase
-from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Observation, Watchdog
+from rcopterx.bus.heartbeat import LoopPhase
+from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, ProcessObservation, Watchdog
 from rcopterx.fleet.schema import WatchdogConfig
 from support.records import replace
 
@@ -11,15 +11,15 @@ DEAF, OTHER, THIRD = 1, 2, 3
 NONE = Excuse()
 
 
-def seen(number: int, phase: Phase, duty: Duty = Duty.FLIGHT, beats: int = 1) -> Observation:
-    return Observation(f"process {number}", duty, beats, phase)
+def seen(number: int, phase: LoopPhase, duty: Duty = Duty.FLIGHT, beats: int = 1) -> ProcessObservation:
+    return ProcessObservation(f"process {number}", duty, beats, phase)
 
 
 class Host:
     """Processes that beat at every check, except for silent ones."""
 
     def __init__(
-        self, *phases: Phase, duty: Duty = Duty.FLIGHT, others: Duty = Duty.FLIGHT, blind: bool = False
+        self, *phases: LoopPhase, duty: Duty = Duty.FLIGHT, others: Duty = Duty.FLIGHT, blind: bool = False
     ) -> None:
         self.watchdog = Watchdog(LIMITS, blind)
         self.now_s = 50.0

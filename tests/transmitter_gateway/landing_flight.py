@@ -12,7 +12,7 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Plant, Pose
+from rcopterx.simulator.plant import Plant, StartPose
 from rcopterx.transmitter_gateway.inputs import FLYING, Input, Position, State
 from rcopterx.transmitter_gateway.landing import LandingLaw
 from rcopterx.vehicles.model import Model
@@ -87,7 +87,7 @@ class Flight:
     def __init__(self, conditions: Conditions, seed: int, options: Options) -> None:
         self.options = options
         conditions = replace(conditions, transport_delay_s=POSE_TO_AIR_S)
-        start = Pose((0.0, 0.0, options.height_m), options.yaw_rad)
+        start = StartPose((0.0, 0.0, options.height_m), options.yaw_rad)
         self.laboratory = Laboratory({"h1": options.model}, {"h1": start}, conditions, seed)
         self.plant = self.laboratory.plants["h1"]
         limits = replace(
@@ -119,7 +119,7 @@ class Flight:
         for _ in range(round(seconds / PERIOD_S)):
             self.laboratory.advance(PERIOD_S)
             self.measure()
-            motion = arbiter.surveillance.own_motion(self.bench.now_s, 1.0)
+            motion = arbiter.pose_monitor.own_motion(self.bench.now_s, 1.0)
             hover = arbiter.hover_thrust
             u: Input = (0.0, 0.0, hover, 0.0)
             if motion is not None:
@@ -129,7 +129,7 @@ class Flight:
             self.bench.run(PERIOD_S, u)
             self.act(self.bench.outputs[-1].u)
         # It was not seen standing: it appeared in the air.
-        arbiter.surveillance.take_over(None)
+        arbiter.pose_monitor.take_over(None)
 
     def starve(self, seconds: float) -> None:
         """Let the vehicle fly with its last sticks while nothing on the computer gets a processor."""

@@ -167,7 +167,7 @@ class Flight:
     @property
     def seen(self) -> bool:
         """Whether true poses arrive that the arbiter believes."""
-        return self.arbiter.surveillance.own_motion(self.now_s, SEEN_S) is not None and not any(self.shift_m)
+        return self.arbiter.pose_monitor.own_motion(self.now_s, SEEN_S) is not None and not any(self.shift_m)
 
     def arm(self) -> None:
         self.fly(0.6)

@@ -1,7 +1,7 @@
 """Agents, a gateway that may be replaced, and a network that loses, duplicates and reorders messages.
 
-Agents are `ControlLease`, gateways `Admission` with its `Leases`: the classes that fly. `World.actions` are
-all that can happen next; `explore` does everything in every order.
+Agents are `ControlLease`, gateways `CommandValidator` with its `Leases`: the classes that fly.
+`World.actions` are all that can happen next; `explore` does everything in every order.
 """
 
 import io
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from rcopterx.agents.takeover import WARM_S, ControlLease
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.admission import Admission
+from rcopterx.transmitter_gateway.command_validator import CommandValidator
 from rcopterx.transmitter_gateway.inputs import CommandInput
 
 LIMITS = ArbiterLimits()
@@ -69,7 +69,7 @@ class World:
         self.now_s = 100.0
         self.agents = {1: ControlLease(1, False, self.now_s)}
         self.take_over, self.faults, self.recorded_first = take_over, faults, True
-        self.gateway = Admission(LIMITS, Counter())
+        self.gateway = CommandValidator(LIMITS, Counter())
         self.recorded = (0, 0)
         self.messages: tuple[Message, ...] = ()
         self.sequence = 0
@@ -128,7 +128,7 @@ class World:
 
     def replace(self) -> None:
         """Kill the gateway; the next one knows what was recorded."""
-        self.gateway = Admission(LIMITS, Counter())
+        self.gateway = CommandValidator(LIMITS, Counter())
         self.gateway.leases.resume(*self.recorded, self.now_s)
 
     # Messages -----------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import z3
 from rcopterx.bus.message import LONGEST_PERIOD_S
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, State
-from rcopterx.transmitter_gateway.shaping import FADE_PER_S
+from rcopterx.transmitter_gateway.output_limiter import FADE_PER_S
 from rcopterx.transmitter_gateway.transitions import Condition, Transition
 
 LIMITS = ArbiterLimits()

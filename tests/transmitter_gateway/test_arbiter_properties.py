@@ -189,7 +189,7 @@ class ArbiterMachine(RuleBasedStateMachine):
     def command_out_of_order(self, sequence: int, epoch: int) -> None:
         changes = {"sequence": self.sequence + sequence, "epoch": self.epoch + epoch}
         if epoch == 1:
-            assert not self.command(**changes).accepted or self.arbiter.surveillance.newest is None
+            assert not self.command(**changes).accepted or self.arbiter.pose_monitor.newest is None
         else:
             self.command(**changes)
 
@@ -285,7 +285,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         if output.state in (State.ARMED, State.HOLD):
             assert age_s < LIMITS.descend_after_s
         if output.state is State.LAND:
-            track = self.arbiter.surveillance.own_track
+            track = self.arbiter.pose_monitor.own_track
             assert self.yaw_rad is not None
             assert track is not None
             assert self.now_s < track.seen_s + LIMITS.landing.pose_age_s

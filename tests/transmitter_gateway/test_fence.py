@@ -1,11 +1,11 @@
 """The box a vehicle must stay in."""
 
 import pytest
-from surveillance_bench import BOX, Watch
+from pose_monitor_bench import BOX, Watch
 
 from rcopterx.radios.limits import Fence, LimitsError, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Position
-from rcopterx.transmitter_gateway.surveillance import Judgement, judge_fence
+from rcopterx.transmitter_gateway.pose_monitor import Judgement, judge_fence
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from gateway_bench import NAMES, Laboratory
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
 from rcopterx.bus.messages import Applied, Kill, TransmitterStatus
 from rcopterx.transmitter_gateway.inputs import Action, State
+from rcopterx.transmitter_gateway.pose_monitor import Track
 from rcopterx.transmitter_gateway.radios import TURN_S
-from rcopterx.transmitter_gateway.surveillance import Track
 
 
 def fail(*_: object, **__: object) -> None:
@@ -142,7 +142,7 @@ def test_another_state_is_published_at_once(laboratory: Laboratory) -> None:
 
 
 def own_track(laboratory: Laboratory) -> Track:
-    track = laboratory.transmitter("h1").arbiter.surveillance.own_track
+    track = laboratory.transmitter("h1").arbiter.pose_monitor.own_track
     assert track is not None
     return track
 

@@ -71,7 +71,7 @@ def test_every_vehicle_is_reported_periodically(laboratory: Laboratory) -> None:
 
 def test_a_report_has_the_age_of_the_newest_pose(laboratory: Laboratory) -> None:
     def age_s() -> float | None:
-        laboratory.gateway.stations["h2"].report(laboratory.bus.now_s)
+        laboratory.gateway.nodes["h2"].report(laboratory.bus.now_s)
         _, status = laboratory.bus.published[-1]
         assert isinstance(status, TransmitterStatus)
         return status.pose_age_s

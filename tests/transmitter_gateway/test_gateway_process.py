@@ -12,7 +12,7 @@ from gateway_bench import NAMES, Laboratory, OwnBus
 from support.waiting import DEADLINE_S
 
 from rcopterx.bus.clock import Clock
-from rcopterx.bus.heartbeat import Heartbeat, Phase
+from rcopterx.bus.heartbeat import Heartbeat, LoopPhase
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.bus.session import BusAddress, BusUnreachableError
 from rcopterx.bus.wakeup import Wakeup
@@ -93,9 +93,9 @@ class Program(Laboratory):
         return True
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> LoopPhase:
         """What the supervisor sees."""
-        return Phase(memoryview(self.page).cast("Q")[1])
+        return LoopPhase(memoryview(self.page).cast("Q")[1])
 
     def run_script(self, script: Iterator[Condition]) -> None:
         self._script = script
@@ -136,7 +136,7 @@ class Program(Laboratory):
         self.thrust = 0.55
         yield self.after(0.4)
         assert self.states() == {State.ARMED}
-        assert self.phase is Phase.FLYING
+        assert self.phase is LoopPhase.FLYING
 
 
 @pytest.fixture
@@ -171,14 +171,14 @@ def test_a_flight_ends_with_a_landing_when_the_process_shall_end(program: Progra
         program.sinks = True
         signal.raise_signal(number)
         yield lambda: State.CUT in program.states()
-        assert program.phase is Phase.FLYING or program.states() == {State.CUT}
+        assert program.phase is LoopPhase.FLYING or program.states() == {State.CUT}
 
     program.run_script(script())
     assert program.states() == {State.CUT}
     assert {program.transmitter(name).arbiter.reason for name in NAMES} == {"landed"}
     assert all(program.throttle_us[name][-25:] == [1100] * 25 for name in NAMES)
     assert ports_are_closed(program)
-    assert program.phase is Phase.ENDING
+    assert program.phase is LoopPhase.ENDING
     assert (program.is_over, program.bus.is_closed) == (True, True)
     assert not program.joined_before_radios
     assert program.priorities == [PRIORITY]
@@ -238,7 +238,7 @@ def test_radios_are_served_and_can_be_killed_while_the_router_is_missing(program
     def script() -> Iterator[Condition]:
         yield program.after(1.0)
         assert min(len(writes) for writes in program.writes.values()) > 30
-        assert program.phase is Phase.WORKING
+        assert program.phase is LoopPhase.WORKING
         signal.raise_signal(signal.SIGUSR1)
         yield program.after(0.03)
         assert program.states() == {State.KILLED}
@@ -304,7 +304,7 @@ def test_an_error_lands_all_vehicles_before_it_ends_the_process(
         monkeypatch.setattr(program.bus, "pending", fails)
         yield program.after(0.5)
         assert program.states() == {State.LAND}
-        assert program.phase is Phase.FLYING
+        assert program.phase is LoopPhase.FLYING
         if killed:
             signal.raise_signal(signal.SIGUSR1)
 
@@ -312,4 +312,4 @@ def test_an_error_lands_all_vehicles_before_it_ends_the_process(
         program.run_script(script())
     assert program.states() == {State.KILLED if killed else State.CUT}
     assert ports_are_closed(program)
-    assert program.phase is Phase.ENDING
+    assert program.phase is LoopPhase.ENDING

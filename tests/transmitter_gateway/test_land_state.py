@@ -81,7 +81,7 @@ def test_landing_goes_on_open_loop_when_the_pose_is_lost_and_closed_loop_when_it
     bench = seen_flying()
     silent(bench, 1.0)
     age_s = bench.arbiter.limits.landing.pose_age_s
-    track = bench.arbiter.surveillance.own_track
+    track = bench.arbiter.pose_monitor.own_track
     assert track is not None
     bench.wait(track.seen_s + age_s - EDGE_S - bench.now_s)
     assert bench.state is State.LAND
@@ -215,10 +215,10 @@ def test_floor_is_where_the_vehicle_stood_unless_that_is_a_table(
     bench.yaw_rad = 0.0
     bench.position = position
     bench.arm()
-    stood_m = bench.arbiter.surveillance.floor_m(0.0)
+    stood_m = bench.arbiter.pose_monitor.floor_m(0.0)
     assert stood_m == (position[2] if position[2] < 0.2 else 0.0)
-    bench.arbiter.surveillance.take_over(None)
-    assert bench.arbiter.surveillance.floor_m(-0.4) == -0.4
+    bench.arbiter.pose_monitor.take_over(None)
+    assert bench.arbiter.pose_monitor.floor_m(-0.4) == -0.4
 
 
 def test_shutdown_lands_whatever_is_commanded() -> None:
@@ -336,7 +336,7 @@ def test_vehicle_of_an_earlier_process_is_landed_until_its_source_commands_again
 def test_descent_of_a_vehicle_that_was_mistaken_for_another_continues_open_loop() -> None:
     arbiter = taken_over(last_applied(State.DESCEND, commanded=True, mistaken=True))
     assert arbiter.state is State.DESCEND
-    assert arbiter.surveillance.mistaken
+    assert arbiter.pose_monitor.mistaken
     for frame in range(101, 120):
         now_s = 1000.0 + (frame - 100) * 0.02
         arbiter.pose(PoseInput("h1", 7, frame, (0.0, 0.0, 0.8), 0.02, 0.0), now_s)

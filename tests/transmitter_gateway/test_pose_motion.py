@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from surveillance_bench import BOX, CENTRE, QUIET, Watch
+from pose_monitor_bench import BOX, CENTRE, QUIET, Watch
 
 from rcopterx.radios.limits import SurveillanceLimits
-from rcopterx.transmitter_gateway.surveillance import Judgement
+from rcopterx.transmitter_gateway.pose_monitor import Judgement
 
 
 def test_a_swapped_body_is_not_believed_and_brings_the_vehicle_down_for_good() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.landing import HURRY
+from rcopterx.transmitter_gateway.output_limiter import FADE_PER_S
 from rcopterx.transmitter_gateway.radios import COMMANDED_TURN_S, TURN_S
-from rcopterx.transmitter_gateway.shaping import FADE_PER_S
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS
 from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
 

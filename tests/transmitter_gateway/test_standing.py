@@ -7,7 +7,7 @@ import pytest
 from arbiter_bench import IDLE, PERIOD_S, Bench
 from hypothesis import given
 from hypothesis import strategies as st
-from surveillance_bench import BOX
+from pose_monitor_bench import BOX
 
 from rcopterx.radios.limits import ArbiterLimits, LimitsError, StandingLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput, Position, State

@@ -16,7 +16,7 @@ from rcopterx.vicon_gateway.recording import (
     RawEvent,
     RawRecord,
     RawRecorder,
-    RecordingError,
+    RawRecordingError,
     connections,
     read_records,
 )
@@ -53,13 +53,13 @@ def test_recording_cut_by_a_crash_is_read_up_to_the_last_whole_record() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\x01\x00\x2b\x1a", FILE_MAGIC + bytes(8) + b"\x07" + bytes(4)])
 def test_file_that_is_no_recording_is_refused(data: bytes) -> None:
-    with pytest.raises(RecordingError):
+    with pytest.raises(RawRecordingError):
         list(read_records(io.BytesIO(data)))
 
 
 def test_record_of_absurd_length_is_refused() -> None:
     data = FILE_MAGIC + bytes(8) + b"\x01" + b"\xff" * 4
-    with pytest.raises(RecordingError):
+    with pytest.raises(RawRecordingError):
         list(read_records(io.BytesIO(data)))
 
 
@@ -74,7 +74,7 @@ def test_connections_are_told_apart_with_times_from_their_opening() -> None:
     first, second = connections(events)
     assert (first.chunks, first.ended_after_s) == ([(0.5, b"a")], 1.0)
     assert (second.chunks, second.ended_after_s) == ([(0.25, b"b")], None)
-    with pytest.raises(RecordingError):
+    with pytest.raises(RawRecordingError):
         connections(events[1:])
 
 

@@ -4,16 +4,21 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, COUNT, MATRIX, compiled, part
-from rcopterx.control.controllers.cascade.task import TASK, Task
+from rcopterx.control.controllers.cascade.task import (
+    SAMPLED_ACCELERATION,
+    SAMPLED_VELOCITY,
+    TASK,
+    CascadeTask,
+)
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import XD_BODY, YAW, Array
 
 
-class AxisProblem:
-    """Formulation for some axes with N = `stages`; the arrays of a problem are used again for the next.
+class LagProblem:
+    """Weights and dynamics of axes with N = `stages`; the arrays of a problem are used again for the next.
 
     With `feed_forward` sticks are referred to those that fly the reference, else its velocity.
     """
@@ -44,13 +49,17 @@ class AxisProblem:
         self._problem = repeated(stages, A, B, C, D, W, s, self._P_0)
         self._problem.s[0, : 2 * m] = 0.0
 
-    def problem(self, task: Task, heights: Array | None = None) -> OptimalControlProblem:
+
+class AxisProblem(LagProblem):
+    """Formulation for one axis."""
+
+    def problem(self, task: CascadeTask, heights: Array | None = None) -> OptimalControlProblem:
         """State the problem of an axis alone; `heights`, shape (2, N), replace the position's bounds."""
         p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._count
-        velocity = task.reference[:, 4 + first : 4 + first + m]
+        velocity = task.reference[:, SAMPLED_VELOCITY + first :][:, :m]
         change = np.zeros(velocity.shape)
         if self._feed_forward:
-            acceleration = task.reference[:, 8 + first : 8 + first + m]
+            acceleration = task.reference[:, SAMPLED_ACCELERATION + first :][:, :m]
             change = (1.0 - dynamics.decay) * velocity + dynamics.period_s * acceleration
         state_following(p, task, dynamics, first, velocity, change)
         if heights is not None:
@@ -66,7 +75,12 @@ def beyond(value: float, lowest: float, highest: float) -> tuple[float, float]:
 
 @compiled(PROBLEM, TASK, LAG_DYNAMICS, COUNT, ANY_MATRIX, MATRIX)
 def state_following(
-    p: OptimalControlProblem, task: Task, dynamics: LagDynamics, first: int, velocity: Array, change: Array
+    p: OptimalControlProblem,
+    task: CascadeTask,
+    dynamics: LagDynamics,
+    first: int,
+    velocity: Array,
+    change: Array,
 ) -> None:
     """State the problem of the axes from `first` on with a reference of velocities, shape (N + 1, m).
 
@@ -81,7 +95,7 @@ def state_following(
         gain, pole, load = dynamics.gain[i], dynamics.pole[i], task.load[axis]
         slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
         lowest, highest = limits.input_min[axis], limits.input_max[axis]
-        below, above = beyond(motion[4 + axis], slowest, fastest)
+        below, above = beyond(motion[XD_BODY + axis], slowest, fastest)
         for k in range(N):
             followed = (change[k + 1, i] - pole * change[k, i]) / (T * gain * (1.0 - pole)) - load / gain
             wanted = followed + dynamics.gyro[i] * velocity[k, i]
@@ -92,6 +106,7 @@ def state_following(
             p.r[k, i], p.r[k, speed] = reference[k, axis], velocity[k, i]
             p.r[k, stick] = min(max(wanted, lowest), highest)
             p.c[k, speed] = T * load
-        p.x_0[i], p.x_0[speed], p.x_0[stick] = motion[axis], motion[4 + axis], task.estimate.actuator[axis]
+        p.x_0[i], p.x_0[speed] = motion[axis], motion[XD_BODY + axis]
+        p.x_0[stick] = task.estimate.actuator[axis]
         p.x_end[i], p.x_end[speed] = reference[N, axis], velocity[N, i]
         p.x_end[stick] = change[N, i] / (T * gain) - load / gain

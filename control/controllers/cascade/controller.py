@@ -15,8 +15,8 @@ import numpy as np
 from rcopterx.control.controllers.base import EARLY_STOP, BaseController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
-from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.task import Task, recovery
+from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralProblem, LateralTilt, with_tilt
+from rcopterx.control.controllers.cascade.task import CascadeTask, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
@@ -107,7 +107,9 @@ class CascadeController(BaseController):
         self._recovery = recovery(period_s, stages)
         common = model, period_s, self._weights(), stages, settings.feed_forward
         self._heading, self._height = (AxisProblem(slice(axis, axis + 1), *common) for axis in (YAW, Z))
-        self.horizontal = LateralLags(HORIZONTAL, *common) if model.tilt is None else LateralTilt(*common)
+        self.horizontal: LateralProblem = (
+            LateralLags(HORIZONTAL, *common) if model.tilt is None else LateralTilt(*common)
+        )
         make = new_solver or settings.new_solver
         self._heading_solver, self._height_solver, self.horizontal_solver = make(), make(), make()
         self._observer = DisturbanceObserver(model, period_s)
@@ -127,8 +129,7 @@ class CascadeController(BaseController):
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
         self._filtered_disturbance[:] = self._compensated(estimate)
-        if isinstance(self.horizontal, LateralTilt):
-            self.horizontal.reset()
+        self.horizontal.reset()
         for solver in (self._heading_solver, self._height_solver, self.horizontal_solver):
             solver.reset()
 
@@ -157,15 +158,15 @@ class CascadeController(BaseController):
             heading.iterations + height.iterations + horizontal.iterations,
         )
 
-    def _task(self, estimate: Estimate, reference: Array) -> Task:
+    def _task(self, estimate: Estimate, reference: Array) -> CascadeTask:
         """What the problems of this step depend on."""
         model, load = self._model, self._disturbance(estimate)
         if model.tilt is not None:
             estimate = with_tilt(model, estimate, load, self._settings.disturbance_compensation)
         load[U_THRUST] -= model.gravity_m_s2
-        return Task(estimate, load, reference, self._limits, self._recovery)
+        return CascadeTask(estimate, load, reference, self._limits, self._recovery)
 
-    def _clearances(self, task: Task) -> Clearances:
+    def _clearances(self, task: CascadeTask) -> Clearances:
         own = self._last_plan
         if own is None:
             previous = np.tile(task.estimate.motion[:3], (self.horizon, 1))

@@ -13,21 +13,26 @@ bounded in the body frame, velocities and sticks, and the cost where the weights
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
-from rcopterx.control.controllers.cascade.axis import AxisProblem, beyond, state_following
-from rcopterx.control.controllers.cascade.task import TASK, Task
+from rcopterx.control.controllers.cascade.axis import LagProblem, beyond, state_following
+from rcopterx.control.controllers.cascade.task import (
+    SAMPLED_ACCELERATION,
+    SAMPLED_VELOCITY,
+    TASK,
+    CascadeTask,
+)
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
-from rcopterx.control.models.lateral import lateral_system
-from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Plan, repeated
+from rcopterx.control.models.lateral import CORE_FROM, lateral_system
+from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Solution, repeated
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, heading_matrix
+from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, Array, heading_matrix
 
 
 @part
@@ -37,13 +42,37 @@ def in_body(heading_rad: float, x: float, y: float) -> tuple[float, float]:
     return c * x + s * y, c * y - s * x
 
 
-class LateralLags(AxisProblem):
+class LateralProblem(Protocol):
+    """The horizontal problem of a control step."""
+
+    same_cost: bool  # whether A, B, P and the rows with weights stay the same
+
+    def reset(self) -> None:
+        """Begin with a reference at rest."""
+
+    def along(self, heading: Array, task: CascadeTask) -> OptimalControlProblem:
+        """State the problem along a planned heading, shape (N + 2,); positions are inertial."""
+        ...
+
+    def velocity_at_end(self, plan: Solution, heading: Array) -> Array:
+        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+        ...
+
+    def sticks(self, plan: Solution, task: CascadeTask) -> Array:
+        """Return the pitch and roll sticks of a plan, shape (N, 2)."""
+        ...
+
+
+class LateralLags(LagProblem):
     """Formulation for the axes x and y, with one lag per stick."""
 
     same_cost = False  # A changes with every heading plan
 
-    def along(self, heading: Array, task: Task) -> OptimalControlProblem:
-        """State the problem along a planned heading, shape (N + 2,); positions are inertial."""
+    def reset(self) -> None:
+        """See `LateralProblem`; nothing is carried over."""
+
+    def along(self, heading: Array, task: CascadeTask) -> OptimalControlProblem:
+        """See `LateralProblem`."""
         p, feed_forward = self._problem, self._feed_forward
         R = heading_matrix(0.5 * float(heading[-2] + heading[-1]))
         p.P[:] = self._P_0
@@ -54,13 +83,13 @@ class LateralLags(AxisProblem):
         state_following(p, task, self._dynamics, 0, velocity, change if feed_forward else 0.0 * change)
         return p
 
-    def velocity_at_end(self, plan: Plan, heading: Array) -> Array:
-        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+    def velocity_at_end(self, plan: Solution, heading: Array) -> Array:
+        """See `LateralProblem`."""
         middle_rad = 0.5 * float(heading[-2] + heading[-1])
         return np.asarray(heading_matrix(middle_rad) @ plan.x[-1, 2:4])
 
-    def sticks(self, plan: Plan, task: Task) -> Array:  # noqa: ARG002 - the plan's inputs are sticks
-        """Return the pitch and roll sticks of a plan, shape (N, 2)."""
+    def sticks(self, plan: Solution, task: CascadeTask) -> Array:  # noqa: ARG002 - the plan's inputs are sticks
+        """See `LateralProblem`."""
         return plan.u
 
 
@@ -75,13 +104,15 @@ def turn(
 ) -> None:
     """Set the dynamics along a planned heading, and velocities and changes of the reference, body frame."""
     N, T, decay = len(p.r), dynamics.period_s, dynamics.decay
+    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
+    accelerations = reference[:, SAMPLED_ACCELERATION : SAMPLED_ACCELERATION + 2]
     for k in range(N + 1):
-        vx, vy, turn_rad = reference[k, 4], reference[k, 5], heading[k + 1] - heading[k]
+        vx, vy, turn_rad = velocities[k, 0], velocities[k, 1], heading[k + 1] - heading[k]
         following = min(k + 1, N)
         middle_rad = 0.5 * (heading[k] + heading[k + 1])
         following_rad = 0.5 * (heading[following] + heading[following + 1])
         forward, left = in_body(middle_rad, vx, vy)
-        after = in_body(following_rad, vx + T * reference[k, 8], vy + T * reference[k, 9])
+        after = in_body(following_rad, vx + T * accelerations[k, 0], vy + T * accelerations[k, 1])
         velocity[k, 0], velocity[k, 1] = forward, left
         change[k, 0] = after[0] - decay[0] * forward - turn_rad * left
         change[k, 1] = after[1] - decay[1] * left + turn_rad * forward
@@ -158,18 +189,18 @@ class LateralTilt:
         """Begin with a reference at rest."""
         self._bar[:] = 0.0
 
-    def along(self, heading: Array, task: Task) -> OptimalControlProblem:
-        """State the problem as `LateralLags.along` does; sticks among its rows have the trim added."""
+    def along(self, heading: Array, task: CascadeTask) -> OptimalControlProblem:
+        """See `LateralProblem`; sticks among its rows have the trim added."""
         p = self._problem
         state_tilting(p, task, self._steering, self._bar, heading, self._feed_forward)
         return p
 
-    def velocity_at_end(self, plan: Plan, heading: Array) -> Array:  # noqa: ARG002 - it is a state
-        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+    def velocity_at_end(self, plan: Solution, heading: Array) -> Array:  # noqa: ARG002 - it is a state
+        """See `LateralProblem`."""
         return plan.x[-1, VELOCITY : VELOCITY + 2]
 
-    def sticks(self, plan: Plan, task: Task) -> Array:
-        """Return the pitch and roll sticks of a plan, shape (N, 2)."""
+    def sticks(self, plan: Solution, task: CascadeTask) -> Array:
+        """See `LateralProblem`."""
         return plan.y[:, STICK:ROWS] - task.estimate.tilt.trim
 
 
@@ -181,13 +212,15 @@ def demands(reference: Array, axis: int, steering: Steering, bar: Array) -> tupl
     at the first stage in both axes; it is advanced by a period.
     """
     found, along, by_bar = np.empty(len(reference)), 0.0, GRAVITY_M_S2 * bar[axis]
+    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
+    accelerations = reference[:, SAMPLED_ACCELERATION : SAMPLED_ACCELERATION + 2]
     for k in range(len(reference)):
         if k > 0:
             by_bar += steering.creep * (along - by_bar)
         if k == 1:
             bar[axis] = by_bar / GRAVITY_M_S2
-        velocity = reference[k, 4 + axis]
-        along = reference[k, 8 + axis] - steering.drag * velocity
+        velocity = velocities[k, axis]
+        along = accelerations[k, axis] - steering.drag * velocity
         found[k] = along - by_bar - steering.flapping * velocity
     share = steering.upper_share
     return found, (along - share * by_bar) / (1.0 - share) / GRAVITY_M_S2, by_bar / GRAVITY_M_S2
@@ -195,18 +228,29 @@ def demands(reference: Array, axis: int, steering: Steering, bar: Array) -> tupl
 
 @compiled(PROBLEM, TASK, STEERING, VECTOR, VECTOR, FLAG)
 def state_tilting(
-    p: OptimalControlProblem, task: Task, steering: Steering, bar: Array, heading: Array, feed_forward: bool
+    p: OptimalControlProblem,
+    task: CascadeTask,
+    steering: Steering,
+    bar: Array,
+    heading: Array,
+    feed_forward: bool,
 ) -> None:
     """State the problem along a planned heading."""
     motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
-    N, gain, servo = len(p.r), steering.gain, 4 + len(tilt.core)
+    N, gain, servo = len(p.r), steering.gain, CORE_FROM + len(tilt.core)
+    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
+    measured_velocity = motion[XD_BODY : XD_BODY + 2]
+    wind = p.x_0[servo + 2 : servo + 4]
+    # The bar, where there is one, is the last part of the core.
+    tilt_at_end, bar_at_end = p.x_end[CORE_FROM : CORE_FROM + 2], p.x_end[servo - 2 : servo]
+    velocity_at_end, servo_at_end = p.x_end[VELOCITY : VELOCITY + 2], p.x_end[servo : servo + 2]
     for axis in range(2):
         rate, stick = BODY_VELOCITY + axis, STICK + axis
         slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
-        below, above = beyond(motion[4 + axis], slowest, fastest)
+        below, above = beyond(measured_velocity[axis], slowest, fastest)
         needed, tilt_end, bar_end = demands(reference, axis, steering, bar)
         for k in range(N):
-            p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], reference[k, 4 + axis]
+            p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], velocities[k, axis]
             p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
             p.low[k, rate] = slowest + task.recovery[k] * below
             p.high[k, rate] = fastest + task.recovery[k] * above
@@ -216,12 +260,12 @@ def state_tilting(
                 at = min(k + steering.lead, float(N))
                 before = min(int(at), N - 1)
                 p.r[k, DEMAND + axis] = needed[before] + (at - before) * (needed[before + 1] - needed[before])
-        p.x_0[axis], p.x_0[servo + 2 + axis] = motion[axis], tilt.wind_m_s2[axis]
-        p.x_end[axis], p.x_end[VELOCITY + axis] = reference[N, axis], reference[N, 4 + axis]
+        p.x_0[axis], wind[axis] = motion[axis], tilt.wind_m_s2[axis]
+        p.x_end[axis], velocity_at_end[axis] = reference[N, axis], velocities[N, axis]
         if feed_forward:
-            p.x_end[4 + axis], p.x_end[servo + axis] = tilt_end, needed[N]
+            tilt_at_end[axis], servo_at_end[axis] = tilt_end, needed[N]
             if steering.creep:
-                p.x_end[servo - 2 + axis] = bar_end
+                bar_at_end[axis] = bar_end
     demand, low, high = p.r[:, DEMAND:BODY_VELOCITY], p.low[:, STICK:ROWS], p.high[:, STICK:ROWS]
     for k in range(N):
         middle_rad = 0.5 * (heading[k] + heading[k + 1])
@@ -236,15 +280,14 @@ def state_tilting(
             pitch = gain[0] * min(max(pitch / gain[0], low[k, 0]), high[k, 0])
             roll = gain[1] * min(max(roll / gain[1], low[k, 1]), high[k, 1])
             demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
-    x, y = p.x_end[servo], p.x_end[servo + 1]
-    p.x_end[servo], p.x_end[servo + 1] = in_body(steering.coupling_rad, x, y)
+    servo_at_end[0], servo_at_end[1] = in_body(steering.coupling_rad, servo_at_end[0], servo_at_end[1])
     heading_rad = motion[YAW]
-    velocity = in_body(-heading_rad, motion[4], motion[5])
+    velocity = in_body(-heading_rad, measured_velocity[0], measured_velocity[1])
     tilting = in_body(-heading_rad, gain[0] * tilt.servo[0], gain[1] * tilt.servo[1])
     for axis in range(2):
         p.x_0[VELOCITY + axis], p.x_0[servo + axis] = velocity[axis], tilting[axis]
     for i in range(len(tilt.core)):
-        p.x_0[4 + i] = tilt.core[i]
+        p.x_0[CORE_FROM + i] = tilt.core[i]
 
 
 def with_tilt(model: Model, estimate: Estimate, disturbance: Array, compensate: bool) -> Estimate:

@@ -8,8 +8,11 @@ from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, VECTOR, record
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import ESTIMATE
+from rcopterx.control.references.trajectory import ACCELERATION, VELOCITY
 from rcopterx.vehicles.state import Array
 
+SAMPLED_VELOCITY: Final[int] = VELOCITY.start  # columns of a sample: x, y, z, yaw from here on
+SAMPLED_ACCELERATION: Final[int] = ACCELERATION.start
 RECOVERY_S: Final = 0.2
 """Time constant with which a velocity measured beyond its limits returns to them.
 
@@ -23,7 +26,7 @@ def recovery(period_s: float, stages: int) -> Array:
     return np.exp(-period_s / RECOVERY_S * np.arange(float(stages)))
 
 
-class Task(NamedTuple):
+class CascadeTask(NamedTuple):
     """One control step of N planned inputs."""
 
     estimate: Estimate
@@ -34,4 +37,4 @@ class Task(NamedTuple):
 
 
 LIMITS: Final[Any] = record(Limits, *2 * [ANY_MATRIX], *2 * [ANY_VECTOR])
-TASK: Final[Any] = record(Task, ESTIMATE, VECTOR, ANY_MATRIX, LIMITS, VECTOR)
+TASK: Final[Any] = record(CascadeTask, ESTIMATE, VECTOR, ANY_MATRIX, LIMITS, VECTOR)

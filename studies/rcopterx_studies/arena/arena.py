@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.control.plugins import flying
-from rcopterx_studies.arena.flying import TIMES, Flown, arena_scheme, figures, fly_task
+from rcopterx_studies.arena.flying import TIMES, FlownTask, arena_scheme, figures, fly_task
 from rcopterx_studies.arena.real_processes import fly_with_processes
 from rcopterx_studies.arena.tasks import TASKS, quick
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options
@@ -21,11 +21,11 @@ DEFAULT_SCHEMES: Final = (
 )  # fmt: skip
 
 
-def arena(schemes: Sequence[str], tasks: Sequence[str], processes: bool = False) -> Experiment[Flown]:
+def arena(schemes: Sequence[str], tasks: Sequence[str], processes: bool = False) -> Experiment[FlownTask]:
     """The experiment for schemes and tasks by name, in the rig or with all `processes` of a fleet."""
     fly = fly_with_processes if processes else fly_task
 
-    def cases(options: Options) -> Cases[Flown]:
+    def cases(options: Options) -> Cases[FlownTask]:
         chosen = [TASKS[name] for name in tasks]
         chosen = [quick(task) for task in chosen] if options.quick else chosen
         return {

@@ -13,12 +13,12 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import XD_BODY, Array, four
-from rcopterx_studies.arena.tasks import Task
+from rcopterx_studies.arena.tasks import ArenaTask
 from rcopterx_studies.experiments.record import FlightRecord, rms, rms_and_max_mm
 from rcopterx_studies.experiments.rig import PERIOD_S, Progress, Rig
-from rcopterx_studies.experiments.schemes import TUNED, Scheme
+from rcopterx_studies.experiments.schemes import TUNED, FlownScheme
 
 ROOM_M: Final = 3.0
 CLOSE_M: Final = 0.3
@@ -29,9 +29,9 @@ place at the end, a vehicle is lost."""
 DRAWN_S: Final = 0.2
 
 
-def arena_scheme(name: str) -> Scheme:
+def arena_scheme(name: str) -> FlownScheme:
     """Scheme or controller of this name, with the settings that the experiments use for helicopters."""
-    return TUNED.get(name, Scheme(name, name, name))
+    return TUNED.get(name, FlownScheme(name, name, name))
 
 
 def arena_schemes() -> list[str]:
@@ -40,7 +40,7 @@ def arena_schemes() -> list[str]:
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownTask:
     """Figures of one flight."""
 
     # distance of followers from where their leaders truly are plus the offset
@@ -64,15 +64,15 @@ class Flown:
 
 
 def fly_task(
-    scheme: Scheme, task: Task, conditions: Conditions, seed: int, progress: Progress | None = None
-) -> Flown:
+    scheme: FlownScheme, task: ArenaTask, conditions: Conditions, seed: int, progress: Progress | None = None
+) -> FlownTask:
     """Fly a task once."""
     room_m = (-ROOM_M, -ROOM_M, 0.0), (ROOM_M, ROOM_M, ROOM_M)
     rough = four(task.turbulence * np.array(conditions.turbulence_rms))
     conditions = replace(conditions, turbulence_rms=rough, volume_min_m=room_m[0], volume_max_m=room_m[1])
     vehicles = []
     for name, place in task.starts_m.items():
-        vehicle = scheme.vehicle(name, Pose(place), conditions, seed, task.links.get(name, ()))
+        vehicle = scheme.vehicle(name, StartPose(place), conditions, seed, task.links.get(name, ()))
         # All schemes get the same references.
         vehicles.append(replace(vehicle, model=vehicle.model.within(*room_m), as_published=False))
     rig = Rig(vehicles, conditions, seed, task.options)
@@ -86,9 +86,9 @@ def figures_of(
     record: FlightRecord,
     from_s: float,
     bounds_m_s: Mapping[str, Array],
-    traffic: "Traffic",
+    traffic: "MessageTraffic",
     steps_s: Array,
-) -> Flown:
+) -> FlownTask:
     """Figures of a flight: bounds of velocities by vehicle, shape (3,); times of steps, shape (n,)."""
     errors = {name: vehicle.formation_error_m(from_s) for name, vehicle in record.items()}
     on_task = {}
@@ -101,7 +101,7 @@ def figures_of(
     fast = np.zeros(distances.shape[1], dtype=bool)
     for name, vehicle in record.items():
         fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > FAST * bounds_m_s[name]).any(axis=1)
-    return Flown(
+    return FlownTask(
         *_rms_and_max_mm(errors),
         *_rms_and_max_mm(on_task),
         round(1000.0 * float(distances.min()), 1),
@@ -134,18 +134,18 @@ def _lost(record: FlightRecord, name: str, errors_m: Sequence[float]) -> bool:
     return gone or max(errors_m, default=0.0) > LOST_M
 
 
-class Traffic(NamedTuple):
+class MessageTraffic(NamedTuple):
     """Messages of a flight."""
 
     messages: int
     bytes: int
 
 
-def _traffic(rig: Rig) -> Traffic:
+def _traffic(rig: Rig) -> MessageTraffic:
     """Number and bytes of all messages: those of schemes, else the plans."""
     if rig.message_network.sent:
-        return Traffic(rig.message_network.sent, rig.message_network.bytes)
-    return Traffic(rig.plan_network.sent, rig.plan_network.sent * _plan_bytes(rig))
+        return MessageTraffic(rig.message_network.sent, rig.message_network.bytes)
+    return MessageTraffic(rig.plan_network.sent, rig.plan_network.sent * _plan_bytes(rig))
 
 
 def _plan_bytes(rig: Rig) -> int:
@@ -169,7 +169,7 @@ _WORST: Final[Mapping[str, Callable[[Array], float]]] = {
 """How flights are summarised; the others by their means."""
 
 
-def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
+def figures(_: str, flights: Mapping[int, FlownTask]) -> dict[str, Any]:
     """Figures of the flights of one scheme and task together, over the seeds."""
     rows = [asdict(flown) for flown in flights.values()]
     table = {

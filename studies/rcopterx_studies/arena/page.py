@@ -10,9 +10,9 @@ import numpy as np
 from rcopterx.ground_station.acceptance.pages import link, write_page
 from rcopterx.ground_station.report.document import table
 from rcopterx.ground_station.report.picture import svg_of
-from rcopterx_studies.arena.flying import Flown
+from rcopterx_studies.arena.flying import FlownTask
 from rcopterx_studies.arena.tasks import TASKS
-from rcopterx_studies.experiments.runner import Result
+from rcopterx_studies.experiments.runner import FlightResult
 from rcopterx_studies.figures import finish_figure
 
 Rows = Mapping[str, Mapping[str, Any]]  # figures by scheme
@@ -33,7 +33,7 @@ def ranked(rows: Rows) -> list[tuple[str, Mapping[str, Any]]]:
     return sorted(rows.items(), key=lambda item: score(item[1]))
 
 
-def write_arena(directory: Path, result: Result[Flown]) -> Path:
+def write_arena(directory: Path, result: FlightResult[FlownTask]) -> Path:
     """Write `index.html` into a directory, which is created if missing."""
     reports = [
         {"verdict": "lost vehicles" if row["lost"] else "kept all"}
@@ -56,7 +56,7 @@ def _overview(task: str, rows: Rows) -> tuple[object, ...]:
     return link(task), TASKS[task].title, best, f"{row['rms_mm']:.1f}", further, ", ".join(lost)
 
 
-def _section(task: str, rows: Rows, result: Result[Flown]) -> str:
+def _section(task: str, rows: Rows, result: FlightResult[FlownTask]) -> str:
     lines = (
         (
             scheme,
@@ -79,7 +79,7 @@ def _section(task: str, rows: Rows, result: Result[Flown]) -> str:
     return "\n".join((heading, table(HEAD, lines), picture, "</section>"))
 
 
-def _draw_ways(figure: Any, flights: Mapping[str, Flown]) -> None:
+def _draw_ways(figure: Any, flights: Mapping[str, FlownTask]) -> None:
     """Draw the ways of all vehicles from above, a panel for each scheme."""
     panels = figure.subplots(1, len(flights), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (scheme, flown) in zip(panels, flights.items(), strict=True):

@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rcopterx_studies.arena.flying import Flown
+from rcopterx_studies.arena.flying import FlownTask
 from rcopterx_studies.experiments.runner import median_and_worst
 
 Ratios = dict[str, dict[str, Any]]  # by task and scheme
 
 
 def error_ratios(
-    flown: Mapping[str, Mapping[int, Flown]], tasks: Sequence[str], schemes: Sequence[str]
+    flown: Mapping[str, Mapping[int, FlownTask]], tasks: Sequence[str], schemes: Sequence[str]
 ) -> Ratios:
     """Return formation errors of the other schemes over those of the first one, in the same flights.
 
@@ -25,11 +25,11 @@ def error_ratios(
     }
 
 
-def _has_errors(flights: Mapping[int, Flown]) -> bool:
+def _has_errors(flights: Mapping[int, FlownTask]) -> bool:
     return all(flight.rms_mm > 0.0 for flight in flights.values())
 
 
-def _ratios(base: Mapping[int, Flown], rival: Mapping[int, Flown]) -> dict[str, Any]:
+def _ratios(base: Mapping[int, FlownTask], rival: Mapping[int, FlownTask]) -> dict[str, Any]:
     return {
         "rms": median_and_worst([rival[seed].rms_mm / base[seed].rms_mm for seed in base]),
         "max": median_and_worst([rival[seed].max_mm / base[seed].max_mm for seed in base]),

@@ -16,18 +16,18 @@ import tomlkit
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.state import Array, turned_about_z
-from rcopterx_studies.arena.flying import ROOM_M, Flown, Traffic, figures_of
-from rcopterx_studies.arena.tasks import Task
-from rcopterx_studies.experiments.events import Event, Fly, Follow, GoTo, Lead
+from rcopterx_studies.arena.flying import ROOM_M, FlownTask, MessageTraffic, figures_of
+from rcopterx_studies.arena.tasks import ArenaTask
+from rcopterx_studies.experiments.events import FlyEvent, FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL
 from rcopterx_studies.experiments.record import FlightRecord, VehicleRecord, station_of
 from rcopterx_studies.experiments.rig import PERIOD_S, Progress, RigOptions
-from rcopterx_studies.experiments.schemes import Scheme
+from rcopterx_studies.experiments.schemes import FlownScheme
 
 RECORDED: Final = (channels.LABORATORY, channels.PLAN, channels.SCHEME, channels.AGENT_STATUS)
 FLOWN: Final = (RigOptions(), RigOptions(avoid=True))
@@ -36,8 +36,8 @@ STEADY_S: Final = 3.0  # from the formation at the start to the beginning of the
 
 
 def fly_with_processes(
-    scheme: Scheme, task: Task, conditions: Conditions, seed: int, progress: Progress | None = None
-) -> Flown:
+    scheme: FlownScheme, task: ArenaTask, conditions: Conditions, seed: int, progress: Progress | None = None
+) -> FlownTask:
     """Fly a task once; errors are those of `launched` and of requests."""
     with ExitStack() as stack:
         directory = Path(stack.enter_context(TemporaryDirectory(prefix="rcopterx-arena-")))
@@ -45,7 +45,7 @@ def fly_with_processes(
         path.write_text(tomlkit.dumps(fleet_table(scheme, task, conditions, seed)), encoding="utf-8")
         fleet = stack.enter_context(launched(path, record=False, lockstep=True))
         _fly_to_start(fleet, task)
-        recorder = Recorder(fleet.session, only=RECORDED)
+        recorder = FlightSampler(fleet.session, only=RECORDED)
         recorder.start()
         began_s = fleet.session.clock()
         for event in sorted(task.events, key=lambda event: event.time_s):
@@ -60,7 +60,7 @@ def fly_with_processes(
     return figures_of(record, task.errors_from_s, bounds_m_s, _traffic(recording), np.zeros(1))
 
 
-def fleet_table(scheme: Scheme, task: Task, conditions: Conditions, seed: int) -> dict[str, Any]:
+def fleet_table(scheme: FlownScheme, task: ArenaTask, conditions: Conditions, seed: int) -> dict[str, Any]:
     """Fleet file for a task, on a free port and in a namespace of its own."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -98,7 +98,7 @@ def fleet_table(scheme: Scheme, task: Task, conditions: Conditions, seed: int) -
     }
 
 
-def _fly_to_start(fleet: Fleet, task: Task) -> None:
+def _fly_to_start(fleet: Fleet, task: ArenaTask) -> None:
     """Take off, and bring all vehicles to rest where the task begins."""
     fleet.take_off(height_m=max(z for _, _, z in task.starts_m.values()))
     for name, place_m in task.starts_m.items():
@@ -110,16 +110,16 @@ def _fly_to_start(fleet: Fleet, task: Task) -> None:
     fleet.wait(STEADY_S)
 
 
-def _apply(fleet: Fleet, event: Event) -> None:
+def _apply(fleet: Fleet, event: PilotEvent) -> None:
     vehicle = fleet[event.vehicle]
     match event:
-        case GoTo():
+        case GoToEvent():
             vehicle.go_to(event.position_m, event.yaw_rad)
-        case Fly():
+        case FlyEvent():
             vehicle.fly(event.path)
-        case Follow():
+        case FollowEvent():
             vehicle.follow(event.following, transition_s=event.transition_s)
-        case Lead():
+        case LeadEvent():
             vehicle.lead()
 
 
@@ -160,8 +160,8 @@ def _fallbacks(recording: Recording, name: str) -> Counter[str]:
     return Counter(statuses[-1].fallbacks) - Counter(statuses[0].fallbacks) if statuses else Counter()
 
 
-def _traffic(recording: Recording) -> Traffic:
+def _traffic(recording: Recording) -> MessageTraffic:
     """Number and bytes of the messages of schemes, else of the plans."""
     channel: Channel[Any] = channels.SCHEME if recording.units(channels.SCHEME) else channels.PLAN
     sizes = [len(encode(message)) for _, _, message in recording.in_order([channel])]
-    return Traffic(len(sizes), sum(sizes))
+    return MessageTraffic(len(sizes), sum(sizes))

@@ -11,7 +11,7 @@ from typing import Any, Final
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.experiments.events import Event, Fly, Follow, GoTo, Lead
+from rcopterx_studies.experiments.events import FlyEvent, FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.formation import LINE, WIDE
 from rcopterx_studies.experiments.network import LinkQuality
 from rcopterx_studies.experiments.rig import RigOptions
@@ -26,14 +26,14 @@ START_M: Final[Three] = (0.6, 0.0, 1.2)
 
 
 @dataclass(frozen=True)
-class Task:
+class ArenaTask:
     """One row."""
 
     name: str
     title: str
     starts_m: Mapping[str, Three]  # where the vehicles hover at first, by name
     links: Mapping[str, tuple[LeaderLink, ...]]  # leaders of the vehicles that have any
-    events: tuple[Event, ...]
+    events: tuple[PilotEvent, ...]
     duration_s: float
     options: RigOptions = field(default_factory=RigOptions)
     turbulence: float = 1.0  # factor of the turbulence of the conditions
@@ -61,26 +61,26 @@ def wedge(count: int) -> tuple[dict[str, Three], dict[str, tuple[LeaderLink, ...
     return starts, links
 
 
-def _task(name: str, title: str, count: int, events: Sequence[Event], duration_s: float) -> Task:
+def _task(name: str, title: str, count: int, events: Sequence[PilotEvent], duration_s: float) -> ArenaTask:
     starts, links = wedge(count)
-    return Task(name, title, starts, links, tuple(events), duration_s)
+    return ArenaTask(name, title, starts, links, tuple(events), duration_s)
 
 
-def _moves(*steps_m: tuple[float, Three]) -> list[Event]:
+def _moves(*steps_m: tuple[float, Three]) -> list[PilotEvent]:
     """Set points of the head relative to its start, at some times."""
     x, y, z = START_M
-    return [GoTo(time_s, HEAD, (x + dx, y + dy, z + dz)) for time_s, (dx, dy, dz) in steps_m]
+    return [GoToEvent(time_s, HEAD, (x + dx, y + dy, z + dz)) for time_s, (dx, dy, dz) in steps_m]
 
 
-def _crossing(count: int) -> Task:
+def _crossing(count: int) -> ArenaTask:
     """Vehicles on a circle change places with those opposite, all at the same height."""
     angles = [math.tau * number / count for number in range(count)]
     places: list[Three] = [(CIRCLE_M * math.cos(a), CIRCLE_M * math.sin(a), START_M[2]) for a in angles]
     starts = {f"h{number}": place for number, place in enumerate(places, 1)}
-    events = [GoTo(SETTLED_S, name, (-x, -y, z)) for name, (x, y, z) in starts.items()]
+    events = [GoToEvent(SETTLED_S, name, (-x, -y, z)) for name, (x, y, z) in starts.items()]
     title = f"crossing of {count}: opposite vehicles change places"
     options = RigOptions(avoid=True)
-    return Task(
+    return ArenaTask(
         "crossing", title, starts, {}, tuple(events), CROSSED_S + 1.0, options, errors_from_s=CROSSED_S
     )
 
@@ -95,37 +95,37 @@ EIGHT_PATH: Final = figure_eight(START_M, (0.7, 0.4), 8.0)
 FAR: Final = {name: (x, -y, z) for name, (x, y, z) in WIDE.items()}  # on the sides that wedges have
 
 
-def _slots(shape: Mapping[str, Three], time_s: float) -> list[Follow]:
-    return [Follow(time_s, name, link(offset_m)) for name, offset_m in shape.items()]
+def _slots(shape: Mapping[str, Three], time_s: float) -> list[FollowEvent]:
+    return [FollowEvent(time_s, name, link(offset_m)) for name, offset_m in shape.items()]
 
 
-def _led_by_second() -> list[Event]:
+def _led_by_second() -> list[PilotEvent]:
     """h2 takes the lead of three while all keep their places, and goes to set points."""
     x, y, z = (a - b for a, b in zip(THREE.starts_m["h2"], START_M, strict=True))
     change_s, place = 5.0, THREE.starts_m["h2"]
     return [
-        Lead(change_s, "h2"),
-        Follow(change_s, HEAD, link((-x, -y, -z), "h2")),
-        Follow(change_s, "h3", link((0.0, -2.0 * y, 0.0), "h2")),
+        LeadEvent(change_s, "h2"),
+        FollowEvent(change_s, HEAD, link((-x, -y, -z), "h2")),
+        FollowEvent(change_s, "h3", link((0.0, -2.0 * y, 0.0), "h2")),
         *(
-            GoTo(time_s, "h2", (place[0] + ahead_m, place[1], place[2]))
+            GoToEvent(time_s, "h2", (place[0] + ahead_m, place[1], place[2]))
             for time_s, ahead_m in ((7.5, 0.6), (10.5, 0.0))
         ),
     ]
 
 
-def _row() -> list[Event]:
+def _row() -> list[PilotEvent]:
     """Five vehicles form a row side by side, then a wedge again."""
     beside: dict[str, Three] = {
         "h2": (0.0, -0.7, 0.0), "h3": (0.0, 0.7, 0.0), "h4": (0.0, -0.7, 0.0), "h5": (0.0, 0.7, 0.0)
     }  # fmt: skip
     leaders = {"h2": HEAD, "h3": HEAD, "h4": "h2", "h5": "h3"}
-    there = [Follow(4.5, name, link(offset_m, leaders[name])) for name, offset_m in beside.items()]
-    back = [Follow(9.0, name, FIVE.links[name]) for name in FIVE.links]
+    there = [FollowEvent(4.5, name, link(offset_m, leaders[name])) for name, offset_m in beside.items()]
+    back = [FollowEvent(9.0, name, FIVE.links[name]) for name in FIVE.links]
     return [*there, *back]
 
 
-def _five(name: str, what: str, **changes: Any) -> Task:
+def _five(name: str, what: str, **changes: Any) -> ArenaTask:
     """A task of five vehicles, two set points of the head unless the events change."""
     return replace(FIVE, name=name, title=f"5 vehicles{what}", **changes)
 
@@ -152,7 +152,7 @@ _ROWS: Final = (
     _five(
         "figure_eight",
         " fly a figure-eight of 8 s",
-        events=(Fly(SETTLED_S, HEAD, EIGHT_PATH),),
+        events=(FlyEvent(SETTLED_S, HEAD, EIGHT_PATH),),
         duration_s=13.5,
     ),
     _crossing(8),
@@ -184,9 +184,9 @@ _ROWS: Final = (
     _task("eight", "8 vehicles, two set points of the head", 8, MOVES, 10.0),
     _task("twenty", "20 vehicles, two set points of the head", 20, MOVES, 10.0),
 )
-TASKS: Final[Mapping[str, Task]] = {task.name: task for task in _ROWS}  # tasks by name
+TASKS: Final[Mapping[str, ArenaTask]] = {task.name: task for task in _ROWS}  # tasks by name
 
 
-def quick(task: Task) -> Task:
+def quick(task: ArenaTask) -> ArenaTask:
     """The beginning of a task."""
     return replace(task, duration_s=min(task.duration_s, 2.0 * SETTLED_S))

@@ -21,7 +21,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.processes.forking import child_environment
-from rcopterx_studies.benchmarks.namespaces import Network, network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces, network
 from rcopterx_studies.benchmarks.processes import Show
 
 HOSTS: Final = ("a", "b")
@@ -45,7 +45,7 @@ run_router(listen, connect, None, 26, identity, others)
 """
 
 
-class Stream:
+class CommandStream:
     """Samples like those of three vehicles between two hosts, processes of one computer and clock."""
 
     def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, name: str) -> None:
@@ -91,7 +91,7 @@ class Stream:
 def run(cuts_s: Sequence[float], rounds: int, show: Show) -> dict[str, Any]:
     """Cut the link between two hosts, `rounds` times for each duration, and measure both directions.
 
-    Returns `cuts`: of each duration rounds with `Stream.figures`. Raises `NetworkUnavailableError`.
+    Returns `cuts`: of each duration rounds with `CommandStream.figures`. Raises `NetworkUnavailableError`.
     """
     document: dict[str, Any] = {"rounds": rounds, "load_before": os.getloadavg()[0], "cuts": {}}
     with linked_hosts() as (net, streams):
@@ -101,7 +101,7 @@ def run(cuts_s: Sequence[float], rounds: int, show: Show) -> dict[str, Any]:
     return document
 
 
-def measured_cut(net: Network, streams: dict[str, Stream], cut_s: float) -> dict[str, Any]:
+def measured_cut(net: NetworkNamespaces, streams: dict[str, CommandStream], cut_s: float) -> dict[str, Any]:
     """Cut for a time, restore, wait until both directions carry fresh samples."""
     time.sleep(SETTLE_S)
     for stream in streams.values():
@@ -121,7 +121,7 @@ def measured_cut(net: Network, streams: dict[str, Stream], cut_s: float) -> dict
 
 
 @contextmanager
-def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
+def linked_hosts() -> Iterator[tuple[NetworkNamespaces, dict[str, CommandStream]]]:
     """Two hosts with a router each, and a stream in both directions."""
     with ExitStack() as stack:
         net = stack.enter_context(network(HOSTS))
@@ -139,7 +139,7 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
         for client in clients.values():
             stack.callback(client.close)
         streams = {
-            f"{host} to {other}": Stream(clients[host], clients[other], f"from-{host}")
+            f"{host} to {other}": CommandStream(clients[host], clients[other], f"from-{host}")
             for host, other in ("ab", "ba")
         }
         stack.enter_context(_sending(list(streams.values())))
@@ -156,7 +156,7 @@ def _ignore(_: zenoh.Sample) -> None:
 
 
 @contextmanager
-def _sending(streams: list[Stream]) -> Iterator[None]:
+def _sending(streams: list[CommandStream]) -> Iterator[None]:
     ended = threading.Event()
 
     def work() -> None:

@@ -16,7 +16,7 @@ class NetworkUnavailableError(OSError):
     """This computer or user cannot create network namespaces; the message says why."""
 
 
-class Network:
+class NetworkNamespaces:
     """Hosts with an address each, whose links can be cut; they keep their carriers, as behind a switch.
 
     Their file system, and so Unix sockets, are shared.
@@ -97,9 +97,9 @@ class Network:
 
 
 @contextmanager
-def network(hosts: Sequence[str]) -> Iterator[Network]:
+def network(hosts: Sequence[str]) -> Iterator[NetworkNamespaces]:
     """A network of these hosts, removed at the end; raises `NetworkUnavailableError`."""
-    made = Network(hosts)
+    made = NetworkNamespaces(hosts)
     try:
         made.build()
         yield made

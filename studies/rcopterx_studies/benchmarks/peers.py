@@ -9,8 +9,8 @@ import numpy as np
 from scipy import sparse
 
 from rcopterx.control.interfaces import never
-from rcopterx.control.solver.candidates import rated
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
+from rcopterx.control.solver.fallback import rated
+from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 
@@ -36,7 +36,7 @@ class PeerSolver(ABC):
         p: OptimalControlProblem,
         same_cost: bool = False,  # noqa: ARG002 - numbers are updated in any case
         expired: Callable[[], bool] = never,  # noqa: ARG002 - a benchmark waits for every solver
-    ) -> Plan:
+    ) -> Solution:
         """Solve a problem."""
         plan, iterations, optimal = self._solved(p)
         return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)

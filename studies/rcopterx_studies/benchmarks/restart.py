@@ -13,7 +13,7 @@ from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.deploy.hosts.run_directory import states_directory
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
@@ -65,7 +65,7 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
 def _killed(fleet: Fleet, launcher: Launcher, process: str, vehicles: Sequence[str]) -> dict[str, Any]:
     supervisor = launcher.supervisor
     fleet.wait_until(lambda: supervisor.spares.ready() > 0, SPARE_LIMIT_S, "no spare process")
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     fleet.wait(SETTLE_S)
     pid = supervisor.pid(process)

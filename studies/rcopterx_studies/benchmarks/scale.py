@@ -19,7 +19,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.session import RawMessage
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
@@ -151,7 +151,7 @@ def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = la
 def _measured(vehicles: int, series: Series, show: Show) -> dict[str, Any]:
     show(f"{vehicles} vehicles: starting")
     with in_formation(vehicles, series) as (fleet, launcher):
-        recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
+        recorder = FlightSampler(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
         clock, before = fleet.session.clock, _used(launcher)
         began_s = clock()
         recorder.start()

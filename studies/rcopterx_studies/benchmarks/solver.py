@@ -23,7 +23,7 @@ from rcopterx.control.controllers.cascade.controller import CascadeController, C
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
 from rcopterx.control.interfaces import Controller
 from rcopterx.control.solver.osqp import OsqpSolver
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Solver
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution, Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
@@ -100,7 +100,7 @@ class JudgedSolver:
         """Start the next solve cold."""
         self._solver.reset()
 
-    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
+    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Solution:
         """Solve a problem, and judge the plan."""
         plan = self._solver.solve(p, same_cost, expired)
         self._count += 1

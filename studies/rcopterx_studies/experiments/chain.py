@@ -16,14 +16,14 @@ import numpy as np
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.experiments.events import Event, GoTo
+from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL_LAG, Knowledge, plant_type
 from rcopterx_studies.experiments.record import rms, rms_and_max_mm
 from rcopterx_studies.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
-from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx_studies.experiments.schemes import CASCADE, Scheme
+from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
+from rcopterx_studies.experiments.schemes import CASCADE, FlownScheme
 from rcopterx_studies.figures import finish_figure
 
 SLOT_S: Final = 5.0
@@ -83,7 +83,7 @@ def vehicles(
     links: FormationGraph,
     conditions: Conditions,
     seed: int,
-    scheme: Scheme = CASCADE,
+    scheme: FlownScheme = CASCADE,
     start: tuple[float, float, float, float] = START,
 ) -> list[RigVehicle]:
     """Vehicles of a formation in the air, each at its place."""
@@ -91,7 +91,7 @@ def vehicles(
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
-        found.append(scheme.vehicle(name, Pose((x, y, z), yaw), conditions, seed, following))
+        found.append(scheme.vehicle(name, StartPose((x, y, z), yaw), conditions, seed, following))
     return found
 
 
@@ -105,8 +105,8 @@ def fly_shape(
     """Fly a formation; returns the errors of every follower in every settled control period [m]."""
     steps = STEPS_M[: 2 if quick else None]
     x, y, z, yaw = START
-    events: Sequence[Event] = [
-        GoTo((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
+    events: Sequence[PilotEvent] = [
+        GoToEvent((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
         for number, (dx, dy, dz) in enumerate(steps)
     ]
     scheme = replace(CASCADE, horizon=QUICK_HORIZON) if quick else CASCADE
@@ -139,7 +139,7 @@ def fly_helicopters(
     scheme = replace(CASCADE, knowledge=knowledge, horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
     x, y, z, yaw = DEEP_START
     stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
-    step = GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)
+    step = GoToEvent(stepped_s, HEAD, (x, y + STEP_M, z), yaw)
     records = [
         _chain_rig(links, scheme, share, conditions, seed).fly(end_s, events, progress)
         for events in ([step], [])
@@ -156,7 +156,9 @@ def fly_helicopters(
     return Absolute(np.array(hover), np.array(overshoot), np.array(step_overshoot))
 
 
-def _chain_rig(links: FormationGraph, scheme: Scheme, share: float, conditions: Conditions, seed: int) -> Rig:
+def _chain_rig(
+    links: FormationGraph, scheme: FlownScheme, share: float, conditions: Conditions, seed: int
+) -> Rig:
     """Rig of a chain of helicopters in a volume with as much room on every side as others have."""
     x, y, z, _ = DEEP_START
     low_m, high_m = (x - ROOM_M, y - ROOM_M, 0.0), (x + ROOM_M, y + ROOM_M, 2.0 * z)
@@ -216,7 +218,7 @@ def generation(links: FormationGraph, name: str) -> int:
     return 1 + max((generation(links, link.leader) for link in links[name]), default=-1)
 
 
-def draw_chain(result: Result[Any], figure: Any) -> None:
+def draw_chain(result: FlightResult[Any], figure: Any) -> None:
     """Draw errors against the generation, in chains of helicopters of the longest one."""
     if plant_type(result.options.conditions) is not COAXIAL_LAG:
         draw_depth(list(result.document.values())[-1], figure)

@@ -15,7 +15,7 @@ from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)
-class Event:
+class PilotEvent:
     """An event of one vehicle at one time [s]."""
 
     time_s: float
@@ -23,7 +23,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class GoTo(Event):
+class GoToEvent(PilotEvent):
     """New set point of a vehicle that does not follow."""
 
     position_m: Three
@@ -31,14 +31,14 @@ class GoTo(Event):
 
 
 @dataclass(frozen=True)
-class Fly(Event):
+class FlyEvent(PilotEvent):
     """A path of a vehicle that does not follow."""
 
     path: FlightPath
 
 
 @dataclass(frozen=True)
-class Follow(Event):
+class FollowEvent(PilotEvent):
     """New leaders, or new offsets to the same ones, which are reached smoothly.
 
     The guidance chooses the duration if `transition_s` is None.
@@ -49,12 +49,12 @@ class Follow(Event):
 
 
 @dataclass(frozen=True)
-class Lead(Event):
+class LeadEvent(PilotEvent):
     """Stop following and hold the present place."""
 
 
 def apply(
-    event: Event, pilot: Pilot, plans: Mapping[str, LeaderPlan], limits: ProfileLimits | None
+    event: PilotEvent, pilot: Pilot, plans: Mapping[str, LeaderPlan], limits: ProfileLimits | None
 ) -> str | None:
     """Apply an event to the pilot of its vehicle; returns the reason of a refusal.
 
@@ -63,17 +63,17 @@ def apply(
     """
     guidance, time_s = pilot.guidance, pilot.clock.time_s
     match event:
-        case GoTo():
+        case GoToEvent():
             return guidance.go_to(np.array(event.position_m), event.yaw_rad, time_s, limits)
-        case Fly():
+        case FlyEvent():
             if (problem := guidance.flight_problem()) is not None:
                 return problem
             guidance.fly(event.path, time_s)
-        case Follow():
+        case FollowEvent():
             links = [followed_leader(link) for link in event.following]
             if missing := [link.leader for link in links if link.leader not in plans]:
                 return f"no plan from {', '.join(missing)}"
             guidance.follow(links, plans, pilot.estimate, time_s, event.transition_s)
-        case Lead():
+        case LeadEvent():
             guidance.lead(pilot.estimate)
     return None

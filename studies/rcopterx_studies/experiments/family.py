@@ -15,15 +15,15 @@ import numpy as np
 
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.experiments.events import Event, Fly, GoTo
+from rcopterx_studies.experiments.events import FlyEvent, GoToEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL, Knowledge, plant_type
 from rcopterx_studies.experiments.record import VehicleRecord, rms
 from rcopterx_studies.experiments.rig import GUARDED, Progress, Rig
-from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx_studies.experiments.schemes import CASCADE, Scheme
+from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
+from rcopterx_studies.experiments.schemes import CASCADE, FlownScheme
 from rcopterx_studies.figures import finish_figure
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
@@ -75,7 +75,7 @@ CLIMB_M: Final[Three] = (0.6, 0.0, 1.8)
 THERE_M: Final = 0.05  # a vehicle has arrived after which it stays within this distance of a set point
 
 
-def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, Scheme]:
+def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, FlownScheme]:
     """The default configuration at every level of knowledge, with the tilt measured and without."""
     return {
         f"{known} / {'tilt measured' if tilt else 'positions only'}": replace(
@@ -86,7 +86,7 @@ def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, Scheme]:
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownFamily:
     """Figures of one vehicle.
 
     In hover the root mean square errors of the worse horizontal axis, of height and of yaw, and that of the
@@ -117,23 +117,27 @@ class Flown:
         return self.stick_deviation > LIMIT_CYCLE_STICK or self.yaw_mrad > LIMIT_CYCLE_MRAD
 
 
-DISTRIBUTED: Final = tuple(field.name for field in fields(Flown) if field.type in (float, "float"))
+DISTRIBUTED: Final = tuple(field.name for field in fields(FlownFamily) if field.type in (float, "float"))
 """Figures that are reported as a distribution."""
 
 
 def fly_member(
-    scheme: Scheme, programme: Programme, conditions: Conditions, seed: int, progress: Progress | None = None
-) -> Flown:
+    scheme: FlownScheme,
+    programme: Programme,
+    conditions: Conditions,
+    seed: int,
+    progress: Progress | None = None,
+) -> FlownFamily:
     """Fly one vehicle through the whole programme."""
     slots = STEPS + YAW_STEPS
     starts = [programme.hover_s + index * programme.slot_s for index in range(len(slots) + 1)]
-    events: list[Event] = [
-        GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
+    events: list[PilotEvent] = [
+        GoToEvent(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
     flown_s = starts[-1] + EIGHT.duration_s
     climbs_s = flown_s + programme.rest_s
-    events += [Fly(starts[-1], "h1", EIGHT), GoTo(climbs_s, "h1", CLIMB_M, 0.0)]
-    vehicle = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
+    events += [FlyEvent(starts[-1], "h1", EIGHT), GoToEvent(climbs_s, "h1", CLIMB_M, 0.0)]
+    vehicle = scheme.vehicle("h1", StartPose(HOME_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed, GUARDED)
     record = rig.fly(climbs_s + programme.slot_s, events, progress)["h1"]
     eight = (record.time_s >= starts[-1]) & (record.time_s < flown_s)
@@ -143,7 +147,7 @@ def fly_member(
 
 def _figures(
     record: VehicleRecord, programme: Programme, starts: Sequence[float], eight_error_m: Array
-) -> Flown:
+) -> FlownFamily:
     def between(first_s: float, last_s: float) -> Array:
         return np.asarray((record.time_s >= first_s) & (record.time_s < last_s))
 
@@ -157,7 +161,7 @@ def _figures(
     distance_m = np.linalg.norm(errors[:, :3], axis=1)
     eight_m = np.linalg.norm(eight_error_m, axis=1)
     from_climb_m = np.linalg.norm(record.motion[:, :3] - CLIMB_M, axis=1)
-    return Flown(
+    return FlownFamily(
         hover_mm=1e3 * float(hover_rms[:2].max()),
         height_mm=1e3 * float(hover_rms[2]),
         yaw_mrad=1e3 * float(hover_rms[YAW]),
@@ -174,14 +178,14 @@ def _figures(
     )
 
 
-def cases(options: Options) -> Cases[Flown]:
+def cases(options: Options) -> Cases[FlownFamily]:
     """Every level."""
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
     levels = levels_of(options.knowledge)
     return {level: partial(fly_member, scheme, programme) for level, scheme in levels.items()}
 
 
-def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
+def distribution(vehicles: Mapping[int, FlownFamily]) -> dict[str, Any]:
     """Median, 95 % and worst of every figure over vehicles by seed; seeds of those that failed."""
     table: dict[str, Any] = {}
     for name in DISTRIBUTED:
@@ -198,7 +202,7 @@ def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
     }
 
 
-def draw_family(result: Result[Flown], figure: Any) -> None:
+def draw_family(result: FlightResult[FlownFamily], figure: Any) -> None:
     """Draw cumulative distributions over the vehicles, and the targets of hover."""
     figure.set_size_inches(11, 4.5)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS.items(), strict=True):

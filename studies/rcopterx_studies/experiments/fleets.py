@@ -20,7 +20,7 @@ LOST_M: Final = 0.5  # further from its place at the end of the flight, a follow
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownFleet:
     """Figures of one fleet, errors those of both followers."""
 
     rms_mm: float
@@ -32,14 +32,14 @@ class Flown:
 
 def fly_fleet(
     knowledge: Knowledge, quick: bool, conditions: Conditions, seed: int, progress: Progress | None = None
-) -> Flown:
+) -> FlownFleet:
     """Fly the whole sequence with one fleet."""
     slots = sequence(quick)
     vehicles = formation(replace(CASCADE, knowledge=knowledge), conditions, seed)
     record = Rig(vehicles, conditions, seed, GUARDED).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     errors_m = record.formation_error_m(SETTLED_S)
     ends_m = [float(record[name].formation_error_m()[-1]) for name in FOLLOWERS]
-    return Flown(
+    return FlownFleet(
         rms_mm=1e3 * rms(errors_m),
         max_mm=1e3 * float(errors_m.max()),
         lost=any(vehicle.left_volume for vehicle in record.values()) or not max(ends_m) < LOST_M,
@@ -48,12 +48,12 @@ def fly_fleet(
     )
 
 
-def cases(options: Options) -> Cases[Flown]:
+def cases(options: Options) -> Cases[FlownFleet]:
     """Every level of knowledge."""
     return {level: partial(fly_fleet, level, options.quick) for level in options.knowledge}
 
 
-def figures(_: str, fleets: Mapping[int, Flown]) -> dict[str, Any]:
+def figures(_: str, fleets: Mapping[int, FlownFleet]) -> dict[str, Any]:
     """Median and worst of the fleets by seed; what went wrong."""
     return {
         "rms_mm": median_and_worst([flown.rms_mm for flown in fleets.values()]),

@@ -15,15 +15,15 @@ import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.experiments.events import Event, Follow, GoTo
+from rcopterx_studies.experiments.events import FollowEvent, GoToEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL_LAG
 from rcopterx_studies.experiments.record import FlightRecord, rms_and_max_mm
 from rcopterx_studies.experiments.rig import PERIOD_S, SETTLED_S, Progress, Rig, RigVehicle
-from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx_studies.experiments.schemes import CASCADE, PAPER, Scheme
+from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
+from rcopterx_studies.experiments.schemes import CASCADE, PAPER, FlownScheme
 from rcopterx_studies.figures import finish_figure
 
 LEADER: Final = "h1"
@@ -78,7 +78,7 @@ YAW_MAGNIFICATION: Final = 100.0  # headings are drawn in hundredths of a radian
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownFormation:
     """One flight: errors [m] while settled, largest excess over the bounds, fallbacks, and what is drawn.
 
     `tracks` has true position and yaw of h1, h2 and h3 every `DRAWN_S`, and what was wanted, shape
@@ -103,15 +103,15 @@ def sequence(quick: bool = False) -> tuple[Slot, ...]:
     return SLOTS[:QUICK_SLOTS] if quick else SLOTS + mirrored(SLOTS)
 
 
-def events(slots: Iterable[Slot]) -> list[Event]:
+def events(slots: Iterable[Slot]) -> list[PilotEvent]:
     """Events of a sequence, one slot every six seconds from the sixth second on."""
-    result: list[Event] = []
+    result: list[PilotEvent] = []
     for index, slot in enumerate(slots, 1):
         for name, position_m, yaw_rad in slot:
             if name == LEADER:
-                result.append(GoTo(index * SLOT_S, name, position_m, yaw_rad))
+                result.append(GoToEvent(index * SLOT_S, name, position_m, yaw_rad))
             else:
-                result.append(Follow(index * SLOT_S, name, (following(position_m, yaw_rad),)))
+                result.append(FollowEvent(index * SLOT_S, name, (following(position_m, yaw_rad),)))
     return result
 
 
@@ -120,27 +120,27 @@ def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
     return LeaderLink(leader=LEADER, offset_m=offset_m, yaw_offset_rad=yaw_offset_rad)
 
 
-def formation(scheme: Scheme, conditions: Conditions, seed: int) -> list[RigVehicle]:
+def formation(scheme: FlownScheme, conditions: Conditions, seed: int) -> list[RigVehicle]:
     """One leader and two followers in the air, a metre above the floor."""
-    leader = scheme.vehicle(LEADER, Pose((0.0, 0.0, 1.0)), conditions, seed)
+    leader = scheme.vehicle(LEADER, StartPose((0.0, 0.0, 1.0)), conditions, seed)
     followers = [
-        scheme.vehicle(name, Pose((x, y, 1.0 + z)), conditions, seed, (following((x, y, z)),))
+        scheme.vehicle(name, StartPose((x, y, 1.0 + z)), conditions, seed, (following((x, y, z)),))
         for name, (x, y, z) in NEAR.items()
     ]
     return [leader, *followers]
 
 
 def fly_formation(
-    scheme: Scheme,
+    scheme: FlownScheme,
     slots: Sequence[Slot],
     conditions: Conditions,
     seed: int,
     progress: Progress | None = None,
-) -> Flown:
+) -> FlownFormation:
     """Fly the sequence once."""
     vehicles = formation(scheme, conditions, seed)
     record = Rig(vehicles, conditions, seed).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
-    return Flown(
+    return FlownFormation(
         record.formation_error_m(SETTLED_S),
         record.gap_error_m(*FOLLOWERS, SETTLED_S),
         bound_excess(record),
@@ -150,7 +150,7 @@ def fly_formation(
 
 
 def tracks_of(record: FlightRecord) -> Array:
-    """Tracks of a flight, see `Flown`."""
+    """Tracks of a flight, see `FlownFormation`."""
     wanted = [record[LEADER].reference, *(record[name].station for name in FOLLOWERS)]
     pairs = [
         np.stack((record[name].motion[:, :4], place), axis=1)
@@ -170,13 +170,13 @@ def bound_excess(record: FlightRecord) -> Array:
     return worst
 
 
-def cases(options: Options) -> Cases[Flown]:
+def cases(options: Options) -> Cases[FlownFormation]:
     """Every scheme."""
     slots = sequence(options.quick)
     return {scheme.name: partial(fly_formation, scheme, slots) for scheme in SCHEMES}
 
 
-def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
+def figures(_: str, flights: Mapping[int, FlownFormation]) -> dict[str, Any]:
     """Figures of flights together, and each seed by itself where there are several."""
     table = figures_of(list(flights.values()))
     if len(flights) > 1:
@@ -184,7 +184,7 @@ def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
     return table
 
 
-def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
+def figures_of(flights: Sequence[FlownFormation]) -> dict[str, Any]:
     """Figures of flights together, lengths in millimetres."""
     errors = np.concatenate([flight.errors_m for flight in flights])
     excess = np.max([flight.excess for flight in flights], axis=0)
@@ -201,7 +201,7 @@ def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
     }
 
 
-def draw_formation(result: Result[Flown], figure: Any) -> None:
+def draw_formation(result: FlightResult[FlownFormation], figure: Any) -> None:
     """Draw flights side by side: the leader, the distances to it, and between the followers."""
     figure.set_size_inches(7.5 * len(SCHEMES), 12)
     axes = figure.subplots(4, len(SCHEMES), sharex=True, sharey="row", squeeze=False)

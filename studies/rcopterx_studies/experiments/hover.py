@@ -8,11 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import YAW, Array
 from rcopterx_studies.experiments.rig import SETTLED_S, Progress, Rig
-from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx_studies.experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
+from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
+from rcopterx_studies.experiments.schemes import CASCADE, KUNZ, PAPER, FlownScheme
 from rcopterx_studies.figures import finish_figure
 
 FLIGHT_S: Final = 120.0
@@ -29,10 +29,10 @@ SCHEMES: Final = (
 
 
 def fly_hover(
-    scheme: Scheme, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
+    scheme: FlownScheme, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Array:
     """Hover; returns true errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4)."""
-    vehicle = scheme.vehicle("h1", Pose(SET_POINT_M), conditions, seed)
+    vehicle = scheme.vehicle("h1", StartPose(SET_POINT_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed)
     return rig.fly(flight_s, progress=progress)["h1"].reference_error(SETTLED_S)
 
@@ -60,7 +60,7 @@ def figures(_: str, flights: Mapping[int, Array]) -> dict[str, Any]:
     return table
 
 
-def draw_hover(result: Result[Array], figure: Any) -> None:
+def draw_hover(result: FlightResult[Array], figure: Any) -> None:
     """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale."""
     figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2, width_ratios=(3, 1))

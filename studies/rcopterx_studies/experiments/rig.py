@@ -22,7 +22,7 @@ from rcopterx.agents.following.leader_plans import link_message, target_link
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.scheme_messages import scheme_message, unpacked
-from rcopterx.agents.separation.avoidance import Neighbour
+from rcopterx.agents.separation.avoidance import NeighbourPlan
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
@@ -39,10 +39,10 @@ from rcopterx.formation.profile_limits import profile_limits_of
 from rcopterx.radios.calibration import Calibration
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.experiments.events import Event, apply
+from rcopterx_studies.experiments.events import PilotEvent, apply
 from rcopterx_studies.experiments.network import PERFECT, LinkQuality, Network
 from rcopterx_studies.experiments.record import UNKNOWN, FlightRecord, VehicleRecord, station_of
 
@@ -70,7 +70,7 @@ class RigVehicle:
 
     name: str
     model: Model
-    start: Pose
+    start: StartPose
     controller: str
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
@@ -162,7 +162,7 @@ class Rig:
         return self._logs[name]
 
     def fly(
-        self, duration_s: float, events: Sequence[Event] = (), progress: Progress | None = None
+        self, duration_s: float, events: Sequence[PilotEvent] = (), progress: Progress | None = None
     ) -> FlightRecord:
         """Fly on for a while; times of events count from the rig's own time 0.
 
@@ -221,7 +221,7 @@ class Rig:
         self._seen[name] = StampedMeasurement(1, self._frame, PERIOD_S, measurement)
         return self._seen[name]
 
-    def _apply(self, event: Event) -> None:
+    def _apply(self, event: PilotEvent) -> None:
         if event.vehicle not in self.pilots:
             raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
         plans = self._leader_plans(event.vehicle, self._plans, list(self._plans))
@@ -273,7 +273,7 @@ class Rig:
         known = {other: plan.message for other, plan in self.plan_network.newest(name, now_s).items()}
         avoids = self._options.avoid and not pilot.guidance.coordinated
         near = self._leader_plans(name, known, list(known)) if avoids else {}
-        neighbours = {other: Neighbour(plan, 1.0) for other, plan in near.items()}
+        neighbours = {other: NeighbourPlan(plan, 1.0) for other, plan in near.items()}
         plans = self._leader_plans(name, known, pilot.guidance.awaited)
         flight = pilot.control(plans, neighbours, self._received(name, now_s))
         if self._options.guard:

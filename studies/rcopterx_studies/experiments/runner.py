@@ -47,7 +47,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Result(Generic[T]):
+class FlightResult(Generic[T]):
     """Outcome of an experiment."""
 
     options: Options
@@ -66,7 +66,9 @@ class Experiment(Generic[T]):
     cases: Callable[[Options], Cases[T]]  # what is flown with the given options
     # part of the JSON document about the flights of one case, by seed
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
-    draw: Callable[[Result[T], Any], None] | None = None  # draws a result into an empty `matplotlib` figure
+    draw: Callable[[FlightResult[T], Any], None] | None = (
+        None  # draws a result into an empty `matplotlib` figure
+    )
     compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
     helicopters_only: bool = False  # whether it needs conditions with helicopters
 
@@ -77,7 +79,7 @@ class Experiment(Generic[T]):
         count = self.flights.get(preset, next(iter(self.flights.values())))
         return tuple(range(first, first + count))
 
-    def fly(self, options: Options, show: ShowProgress) -> Result[T]:
+    def fly(self, options: Options, show: ShowProgress) -> FlightResult[T]:
         """Fly every case on every seed.
 
         Raises `KeptFlightsError`: a kept flight has a result of another type.
@@ -94,7 +96,7 @@ class Experiment(Generic[T]):
         }
         results = fly_all(flights, options, show)
         flown = {name: {seed: results[label(name, seed)] for seed in options.seeds} for name in cases}
-        return Result(options, flown, self._document(flown))
+        return FlightResult(options, flown, self._document(flown))
 
     def _document(self, flown: Mapping[str, Mapping[int, T]]) -> dict[str, Any]:
         document: dict[str, Any] = {}

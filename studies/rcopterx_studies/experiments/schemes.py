@@ -6,7 +6,7 @@ from typing import Final
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx_studies.experiments.knowledge import Knowledge, known_model, plant_type
 from rcopterx_studies.experiments.rig import RigVehicle
 
@@ -16,7 +16,7 @@ HORIZON: Final = 50
 
 
 @dataclass(frozen=True)
-class Scheme:
+class FlownScheme:
     """A controller with settings, and the knowledge of its pilot.
 
     Every scheme uses the extended Kalman filter.
@@ -33,7 +33,7 @@ class Scheme:
     def vehicle(
         self,
         name: str,
-        start: Pose,
+        start: StartPose,
         conditions: Conditions,
         seed: int,
         following: tuple[LeaderLink, ...] = (),
@@ -54,20 +54,20 @@ class Scheme:
         )
 
 
-KUNZ: Final = Scheme(
+KUNZ: Final = FlownScheme(
     "kunz_2013",
     "Implementation of [11]",
     "paper",
     {**NO_HURRY, "terminal_cost": False, "z_integrator": False, "integral_limit_m_s": 20.0},
 )
-PAPER: Final = Scheme("paper", "Paper's scheme", "paper", NO_HURRY)
-CASCADE: Final = Scheme("cascade", "Cascade", "cascade")
+PAPER: Final = FlownScheme("paper", "Paper's scheme", "paper", NO_HURRY)
+CASCADE: Final = FlownScheme("cascade", "Cascade", "cascade")
 
 TUNED_PAPER: Final = replace(
     PAPER, title="Paper's scheme, tuned", settings={**NO_HURRY, "input_weights": (2.5, 2.5, 5.0, 100.0)}
 )
-TUNED_LQR: Final = Scheme("lqr", "LQR, tuned", "lqr", {"input_weights": (1.0, 1.0, 5.0, 100.0)})
-TUNED_PID: Final = Scheme(
+TUNED_LQR: Final = FlownScheme("lqr", "LQR, tuned", "lqr", {"input_weights": (1.0, 1.0, 5.0, 100.0)})
+TUNED_PID: Final = FlownScheme(
     "pid",
     "PID, tuned",
     "pid",
@@ -78,7 +78,7 @@ TUNED_PID: Final = Scheme(
     },
 )
 """The simple schemes with the best settings of several for helicopters, see `docs/experiments.md`."""
-NO_FEED_FORWARD: Final = Scheme(
+NO_FEED_FORWARD: Final = FlownScheme(
     "cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}
 )
 TUNED: Final = {scheme.name: scheme for scheme in (TUNED_PAPER, TUNED_LQR, TUNED_PID, NO_FEED_FORWARD)}

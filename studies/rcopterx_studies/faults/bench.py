@@ -16,7 +16,7 @@ from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-from rcopterx_studies.faults.promise import LIMITS, Limits, Promise
+from rcopterx_studies.faults.promise import LIMITS, Promise, PromisedLimits
 
 POLL_S: Final = 0.01
 ENDURANCE_S: Final = 36_000.0  # of the simulated batteries, because one fleet flies many faults
@@ -135,7 +135,7 @@ class FaultFlight:
     faults: tuple[Injector, ...]  # injected one after the other; all of them until the flight is over
     promise: Promise = Promise.FLIES_ON
     down: tuple[str, ...] = ()  # vehicles that come down
-    limits: Limits | None = None  # None for those of the promise
+    limits: PromisedLimits | None = None  # None for those of the promise
     # name and title of the row of the page that shows the worst of all flights that have it
     page_row: tuple[str, str] | None = None
     chaos: bool = False  # whether it may happen at any time in `rcopterx fly chaos`
@@ -150,7 +150,7 @@ class FaultFlight:
         return self.page_row or (self.name, self.title)
 
     @property
-    def allowed(self) -> Limits:
+    def allowed(self) -> PromisedLimits:
         """Limits of the flight."""
         return self.limits or LIMITS[self.promise]
 

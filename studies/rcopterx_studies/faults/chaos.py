@@ -11,7 +11,7 @@ from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 from rcopterx_studies.faults.bench import FaultFlight
 from rcopterx_studies.faults.flying import FaultRange
 from rcopterx_studies.faults.load import loaded
-from rcopterx_studies.faults.promise import Seen
+from rcopterx_studies.faults.promise import SeenFlight
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 PAUSE_S: Final = (2.0, 4.0)  # from the beginning of one fault to that of the next one, at least and at most
@@ -81,7 +81,9 @@ class Chaos:
             self.place.bench.wait(min(left_s, 0.1))
 
 
-def chaos_report(chaos: Chaos, seen: dict[str, Seen], problem: str | None, seconds: float) -> dict[str, Any]:
+def chaos_report(
+    chaos: Chaos, seen: dict[str, SeenFlight], problem: str | None, seconds: float
+) -> dict[str, Any]:
     """Report of a flight; it passed if no vehicle came down and there was no problem."""
     down = [name for name, vehicle in seen.items() if vehicle.down]
     return {

@@ -12,14 +12,14 @@ from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.deploy.watchdog.watchdog import AGAIN_S
 from rcopterx.ground_station.acceptance import steps
 from rcopterx.ground_station.acceptance.paper_sequence import leader_of
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.faults.bench import Bench, FaultFlight
 from rcopterx_studies.faults.observation import WATCHED, broken_in, seen_of
-from rcopterx_studies.faults.promise import Promise, Seen
+from rcopterx_studies.faults.promise import Promise, SeenFlight
 from rcopterx_studies.faults.reports import Report, not_flown, report_of
 from rcopterx_studies.faults.take_offs import attempt, fit_again
 
@@ -38,7 +38,7 @@ CALM_S: Final = 60.0  # limit for processes and spares to be ready, on a busy co
 class Observed(NamedTuple):
     """What was seen of a flight."""
 
-    seen: dict[str, Seen]
+    seen: dict[str, SeenFlight]
     problem: str | None  # what ended it early
     broken: list[str]  # promises of every flight that it breaks
     seconds: float  # recorded time
@@ -51,7 +51,7 @@ class FaultRange:
         self.bench = bench
         self.fleet = bench.fleet
         self._names = list(bench.fleet.file.vehicles)
-        self._recorder = Recorder(self.fleet.session, only=WATCHED)
+        self._recorder = FlightSampler(self.fleet.session, only=WATCHED)
         self._truth = self.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT)
 
     def saying(self, say: Callable[[str], None]) -> "FaultRange":

@@ -12,13 +12,13 @@ from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.faults.promise import Seen
+from rcopterx_studies.faults.promise import SeenFlight
 
 WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, channels.AGENT_STATUS, *NEEDED)
 """Channels that `seen_of` and `broken_in` need."""
 
 
-def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Seen]:
+def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, SeenFlight]:
     """Figures of each vehicle.
 
     `recording`: at least the channels `WATCHED`. `places_m`: where each vehicle was at the beginning [m].
@@ -37,7 +37,7 @@ def broken_in(recording: Recording) -> list[str]:
     return [f"{vehicle}: {promise}" for _, vehicle, promise in broken_promises(recording)]
 
 
-def _seen(recording: Recording, name: str, place_m: Three, truth: list[LaboratoryVehicle]) -> Seen:
+def _seen(recording: Recording, name: str, place_m: Three, truth: list[LaboratoryVehicle]) -> SeenFlight:
     applied = [message for message, _ in recording.messages(channels.APPLIED, name)]
     fresh_s = [message.written_s for message in applied if message.fresh]
     silences = [1000 * (after - before) for before, after in pairwise(fresh_s)]
@@ -49,7 +49,7 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
         for status, _ in recording.messages(channels.AGENT_STATUS, name)
         for text in status.diagnostics.remarks
     ]
-    return Seen(
+    return SeenFlight(
         states=len(truth),
         deviation_mm=round(1000 * float(np.linalg.norm(away, axis=1).max(initial=0.0)), 1),
         # Of several touchdowns, as after a hop, the last one counts for the place, the hardest for the speed.

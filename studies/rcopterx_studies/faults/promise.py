@@ -24,7 +24,7 @@ class Promise(Enum):
 
 
 @dataclass(frozen=True)
-class Limits:
+class PromisedLimits:
     """Limits of a flight; None for no limit.
 
     For vehicles that fly on, the largest distance from their place and the longest time without a fresh
@@ -40,20 +40,20 @@ class Limits:
 
 
 LIMITS: Final = {
-    Promise.FLIES_ON: Limits(),
-    Promise.LANDS: Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=0.6, silence_ms=None),
+    Promise.FLIES_ON: PromisedLimits(),
+    Promise.LANDS: PromisedLimits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=0.6, silence_ms=None),
     # It drifts before it lands, and while it does.
-    Promise.LANDS_AND_REPORTS: Limits(None, drift_mm=800.0, touchdown_m_s=0.6, silence_ms=None),
-    Promise.LANDS_OPEN_LOOP: Limits(deviation_mm=None, touchdown_m_s=1.7, silence_ms=None),
-    Promise.STAYS_DOWN: Limits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.15),
-    Promise.REFUSED: Limits(deviation_mm=None, silence_ms=None),
-    Promise.UNPROTECTED: Limits(deviation_mm=None, silence_ms=None),
+    Promise.LANDS_AND_REPORTS: PromisedLimits(None, drift_mm=800.0, touchdown_m_s=0.6, silence_ms=None),
+    Promise.LANDS_OPEN_LOOP: PromisedLimits(deviation_mm=None, touchdown_m_s=1.7, silence_ms=None),
+    Promise.STAYS_DOWN: PromisedLimits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.15),
+    Promise.REFUSED: PromisedLimits(deviation_mm=None, silence_ms=None),
+    Promise.UNPROTECTED: PromisedLimits(deviation_mm=None, silence_ms=None),
 }
 """Limits of rows without their own."""
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenFlight:
     """Figures of one vehicle, from its true states (their number is `states`) and its radio.
 
     Distances count from its place at the beginning. `drift_mm` and `touchdown_m_s`, the speed of its hardest
@@ -83,8 +83,8 @@ Check = dict[str, Any]
 def judged(
     promise: Promise,
     down: tuple[str, ...],
-    limits: Limits,
-    seen: Mapping[str, Seen],
+    limits: PromisedLimits,
+    seen: Mapping[str, SeenFlight],
     broken: Sequence[str] = (),
 ) -> list[Check]:
     """Checks of a flight (`name`, `passed`, `figure`); only the vehicles `down` may come down.
@@ -123,7 +123,11 @@ def judged(
 
 
 def judged_take_off(
-    seen: Mapping[str, Seen], limits: Limits, named: str, said: Sequence[str], broken: Sequence[str] = ()
+    seen: Mapping[str, SeenFlight],
+    limits: PromisedLimits,
+    named: str,
+    said: Sequence[str],
+    broken: Sequence[str] = (),
 ) -> list[Check]:
     """Checks of a take-off that a fault ends: nothing rises, and what people read names the cause.
 
@@ -155,7 +159,7 @@ def _check(name: str, passed: bool, figure: object) -> Check:
     return {"name": name, "passed": passed, "figure": figure}
 
 
-def outcome(promise: Promise, seen: Mapping[str, Seen]) -> str:
+def outcome(promise: Promise, seen: Mapping[str, SeenFlight]) -> str:
     """Describe a flight in words."""
     fallen = [name for name, vehicle in seen.items() if vehicle.down]
     if promise is Promise.STAYS_DOWN:

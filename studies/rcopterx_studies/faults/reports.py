@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rcopterx_studies.faults.bench import FaultFlight
-from rcopterx_studies.faults.promise import Check, Seen, judged, judged_take_off, outcome
+from rcopterx_studies.faults.promise import Check, SeenFlight, judged, judged_take_off, outcome
 
 FIGURES: Final = ("deviation_mm", "drift_mm", "touchdown_m_s", "silence_ms", "highest_m")
 Report = dict[str, Any]
@@ -12,7 +12,7 @@ Report = dict[str, Any]
 
 def report_of(
     row: FaultFlight,
-    seen: Mapping[str, Seen],
+    seen: Mapping[str, SeenFlight],
     problem: str | None,
     seconds: float,
     broken: Sequence[str] = (),

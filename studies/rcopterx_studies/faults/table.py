@@ -29,7 +29,7 @@ from rcopterx_studies.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx_studies.faults.laboratory_injectors import Draining, Inject
+from rcopterx_studies.faults.laboratory_injectors import Draining, InjectedFaults
 from rcopterx_studies.faults.process_injectors import (
     DiesAtStart,
     Halting,
@@ -41,7 +41,7 @@ from rcopterx_studies.faults.process_injectors import (
     Starved,
     Stopped,
 )
-from rcopterx_studies.faults.promise import Limits, Promise
+from rcopterx_studies.faults.promise import Promise, PromisedLimits
 from rcopterx_studies.faults.take_off_table import TAKE_OFF_ROWS
 
 ALL: Final = ("h1", "h2", "h3")
@@ -55,12 +55,12 @@ PROCESSES: Final = {
     "recorder": "recorder",
 }
 """Processes by what they are; the simulator stands for the laboratory and gets no faults."""
-PAIR: Final = Limits(deviation_mm=300.0, silence_ms=1000.0)
-BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
+PAIR: Final = PromisedLimits(deviation_mm=300.0, silence_ms=1000.0)
+BLIND: Final = PromisedLimits(deviation_mm=1000.0, silence_ms=4000.0)
 """Without poses and commands vehicles are held, and sink meanwhile."""
-WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
+WEAK: Final = PromisedLimits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle that lands with full thrust."""
-FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
+FAULTY_AXIS: Final = PromisedLimits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle that drifts because a stick does not respond, and comes down gently."""
 
 
@@ -173,59 +173,72 @@ BUS_ROWS: Final = (
 
 BESIDE_M: Final = (0.5, 0.0, 0.0)
 POSE_ROWS: Final = (
-    _survived("pose-occluded-60-ms", "h2 is not seen for 60 ms", Inject(Occlude("h2", duration_s=0.06))),
-    _survived("pose-occluded-200-ms", "h2 is not seen for 0.2 s", Inject(Occlude("h2", duration_s=0.2))),
-    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), Inject(Occlude("h2"))),
     _survived(
-        "tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", Inject(Freeze(duration_s=0.2))
+        "pose-occluded-60-ms", "h2 is not seen for 60 ms", InjectedFaults(Occlude("h2", duration_s=0.06))
     ),
-    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, Inject(Freeze())),
-    _open_loop("pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), Inject(FreezePose("h2"))),
+    _survived(
+        "pose-occluded-200-ms", "h2 is not seen for 0.2 s", InjectedFaults(Occlude("h2", duration_s=0.2))
+    ),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), InjectedFaults(Occlude("h2"))),
+    _survived(
+        "tracker-frozen-200-ms",
+        "The Tracker repeats a frame for 0.2 s",
+        InjectedFaults(Freeze(duration_s=0.2)),
+    ),
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, InjectedFaults(Freeze())),
+    _open_loop(
+        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), InjectedFaults(FreezePose("h2"))
+    ),
     _survived(
         "pose-jumps-100-ms",
         "h2 is shown 0.5 m beside its place for 0.1 s",
-        Inject(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
+        InjectedFaults(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
     ),
     _open_loop(
         "pose-jumps",
         "h2 is shown 0.5 m beside its place",
         ("h2",),
-        Inject(DisplacePose("h2", offset_m=BESIDE_M)),
+        InjectedFaults(DisplacePose("h2", offset_m=BESIDE_M)),
     ),
     _survived(
         "pose-swapped-60-ms",
         "h2 and h3 are taken for one another for 60 ms",
-        Inject(SwapSubjects("h2", other="h3", duration_s=0.06)),
+        InjectedFaults(SwapSubjects("h2", other="h3", duration_s=0.06)),
     ),
     _open_loop(
-        "pose-swapped", "h2 and h3 are taken for one another", BOTH, Inject(SwapSubjects("h2", other="h3"))
+        "pose-swapped",
+        "h2 and h3 are taken for one another",
+        BOTH,
+        InjectedFaults(SwapSubjects("h2", other="h3")),
     ),
     FaultFlight(
         "pose-drifts",
         "The pose of h2 drifts by 30 mm/s for 3 s",
-        (Inject(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
+        (InjectedFaults(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
     ),
     _survived(
-        "pose-noise", "Noise of 2 mm on all positions", Inject(AddNoise(deviation_m=0.002, duration_s=2.0))
+        "pose-noise",
+        "Noise of 2 mm on all positions",
+        InjectedFaults(AddNoise(deviation_m=0.002, duration_s=2.0)),
     ),
     FaultFlight(
         "tracker-half-rate",
         "The Tracker sends every second frame only",
-        (Inject(SkipFrames(one_of=2, duration_s=2.0)),),
+        (InjectedFaults(SkipFrames(one_of=2, duration_s=2.0)),),
     ),
     _survived(
         "tracker-restarted-at-once",
         "The Tracker ends its connections and counts frames anew",
-        Inject(ResetFrameId()),
-        Inject(Reset()),
+        InjectedFaults(ResetFrameId()),
+        InjectedFaults(Reset()),
     ),
     _open_loop(
         "tracker-restarted",
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
         ALL,
-        Inject(Silence(duration_s=3.0)),
-        Inject(ResetFrameId()),
-        Inject(Reset()),
+        InjectedFaults(Silence(duration_s=3.0)),
+        InjectedFaults(ResetFrameId()),
+        InjectedFaults(Reset()),
     ),
 )
 
@@ -234,7 +247,7 @@ RADIO_ROWS: Final = (
         FaultFlight(
             f"radio-{name}",
             title,
-            (Inject(BreakRadio("h2", condition=condition)),),
+            (InjectedFaults(BreakRadio("h2", condition=condition)),),
             Promise.UNPROTECTED,
             ("h2",),
         )
@@ -247,13 +260,17 @@ RADIO_ROWS: Final = (
     _survived(
         "radio-adapter-0.2-s",
         "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
-        Inject(BreakRadio("h2", condition="adapter", duration_s=0.2)),
+        InjectedFaults(BreakRadio("h2", condition="adapter", duration_s=0.2)),
     ),
 )
 
 
 def _broken(
-    name: str, title: str, *faults: Injector, promise: Promise = Promise.LANDS, limits: Limits | None = None
+    name: str,
+    title: str,
+    *faults: Injector,
+    promise: Promise = Promise.LANDS,
+    limits: PromisedLimits | None = None,
 ) -> FaultFlight:
     """Faults of h2 that bring it down."""
     return FaultFlight(name, title, faults, promise, ("h2",), limits)
@@ -263,20 +280,20 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-dead",
         "The rotors of h2 stop",
-        Inject(BreakVehicle("h2", thrust_factor=0.0)),
+        InjectedFaults(BreakVehicle("h2", thrust_factor=0.0)),
         promise=Promise.UNPROTECTED,
     ),
     FaultFlight(
         "vehicle-does-not-lift",
         "Take-off of h2 with three tenths of its thrust",
-        (Inject(BreakVehicle("h2", thrust_factor=0.3)),),
+        (InjectedFaults(BreakVehicle("h2", thrust_factor=0.3)),),
         Promise.REFUSED,
         on_floor=True,
     ),
     _broken(
         "vehicle-weak",
         "h2 has only 0.65 of its thrust",
-        Inject(BreakVehicle("h2", thrust_factor=0.65)),
+        InjectedFaults(BreakVehicle("h2", thrust_factor=0.65)),
         limits=WEAK,
     ),
     _broken(
@@ -288,27 +305,27 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
-        Inject(BreakVehicle("h2", reversed="pitch")),
+        InjectedFaults(BreakVehicle("h2", reversed="pitch")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
-        Inject(BreakVehicle("h2", stuck="roll")),
+        InjectedFaults(BreakVehicle("h2", stuck="roll")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-drifts",
         "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
-        Inject(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
-        Inject(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
+        InjectedFaults(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
+        InjectedFaults(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
         promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(
         "vehicle-trim",
         "The roll trim of h2 steps by 0.1",
-        (Inject(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
-        limits=Limits(deviation_mm=250.0),
+        (InjectedFaults(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
+        limits=PromisedLimits(deviation_mm=250.0),
     ),
 )
 

@@ -20,7 +20,7 @@ from rcopterx.simulator.faults import (
     YUp,
 )
 from rcopterx_studies.faults.bench import FaultFlight, TakeOff
-from rcopterx_studies.faults.laboratory_injectors import Inject
+from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
 from rcopterx_studies.faults.promise import Promise
 
 FLEET: Final = Path(__file__).with_name("types.toml")
@@ -85,7 +85,7 @@ def _rows() -> Iterator[FaultFlight]:
                 yield FaultFlight(
                     f"take-off-{kind}-{moment}-{vehicle}",
                     f"Take-off of {vehicle}: {title}, {when}",
-                    (Inject(fault(vehicle)),),
+                    (InjectedFaults(fault(vehicle)),),
                     Promise.STAYS_DOWN,
                     page_row=(
                         f"take-off-{kind}-*",

@@ -29,7 +29,7 @@ from rcopterx.control.scheme import Linked, Samples, Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.schemes.planner import WayPlanner
-from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, SchemePath, TrackedScheme, TrackedSettings
 
 
 class AdmmSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -118,20 +118,20 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
             self._positions = rest + h * np.arange(1.0, K + 1.0)[:, None] * velocity
             self._average, accelerations = self._positions.copy(), np.zeros((K + 1, 3))
         else:
-            assert self._way is not None
-            accelerations = shifted(self._way.acceleration_m_s2, passed)
+            assert self._path is not None
+            accelerations = shifted(self._path.acceleration_m_s2, passed)
             self._positions, self._average = shifted(self._positions, passed), shifted(self._average, passed)
             self._dual = shifted(self._dual, passed)
             self._copies = {name: shifted(rows, passed) for name, rows in self._copies.items()}
             self._duals = {name: shifted(rows, passed) for name, rows in self._duals.items()}
-        self._fly(Way(*self._state(begins_s), accelerations, h), begins_s)
+        self._fly(SchemePath(*self._state(begins_s), accelerations, h), begins_s)
         self._stage = stage
 
     def _solve(self, situation: Situation, linked: Sequence[Linked[Iterate]]) -> None:
         """Solve the local problem; the copies are eliminated from it."""
         given, stage = self._settings, self._stage
         assert stage is not None
-        assert self._way is not None
+        assert self._path is not None
         joint = given.coupling * given.penalty / (given.coupling + given.penalty)
         terms = [(given.penalty, self._average - self._dual)]
         agreed = {}
@@ -147,8 +147,8 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         targets = sum(weight * rows for weight, rows in terms) / weight
         begins_s = given.stage_s * stage
         position, velocity = self._state(begins_s)
-        way = self._planner(round(weight, 9)).plan(position, velocity, np.vstack((position, targets)))
-        self._positions = way.at(given.stage_s * np.arange(1.0, given.stages + 1.0))[0]
+        path = self._planner(round(weight, 9)).plan(position, velocity, np.vstack((position, targets)))
+        self._positions = path.at(given.stage_s * np.arange(1.0, given.stages + 1.0))[0]
         offsets = {name: offset_m for name, _, _, offset_m, _ in linked}
         self._copies = {
             name: (given.coupling * (self._positions - offsets[name]) + given.penalty * rows)
@@ -156,8 +156,8 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
             for name, rows in agreed.items()
         }
         self._duals = {name: self._duals[name] for name in agreed}
-        accelerations = np.vstack((self._way.acceleration_m_s2[:1], way.acceleration_m_s2))
-        self._fly(Way(*self._state(self._began_s), accelerations, given.stage_s), self._began_s)
+        accelerations = np.vstack((self._path.acceleration_m_s2[:1], path.acceleration_m_s2))
+        self._fly(SchemePath(*self._state(self._began_s), accelerations, given.stage_s), self._began_s)
 
     def _form_average(self, vehicle: str, linked: Sequence[Linked[Iterate]]) -> None:
         """Average the own positions and the copies that the neighbours have of them."""

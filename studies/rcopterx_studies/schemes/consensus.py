@@ -10,7 +10,7 @@ import numpy as np
 
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
+from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
 class ConsensusSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -41,7 +41,7 @@ class ConsensusScheme(TrackedScheme[ConsensusSettings]):
             to_task = self._pull(position - task.position_m[0], velocity - task.velocity_m_s[0])
             pull += self._settings.task_weight * to_task
         acceleration = np.clip(pull, -self._reach, self._reach)
-        self._fly(Way(position, velocity, acceleration[None], 2.0 * self.period_s))
+        self._fly(SchemePath(position, velocity, acceleration[None], 2.0 * self.period_s))
         return Moving.of(position, velocity)
 
     def _pull(self, error_m: Array, error_m_s: Array) -> Array:

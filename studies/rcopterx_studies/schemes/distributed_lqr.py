@@ -19,7 +19,7 @@ from rcopterx.control.models.linear import regulator
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity
-from rcopterx_studies.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
+from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
 class DistributedLqrSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -60,7 +60,7 @@ class DistributedLqrScheme(TrackedScheme[DistributedLqrSettings]):
             aim = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
             acceleration -= (self._own_gain @ (state - aim))[0]
         acceleration = np.clip(acceleration, -self._reach, self._reach)
-        self._fly(Way(motion[:3].copy(), velocity, acceleration[None], self._settings.acting_s))
+        self._fly(SchemePath(motion[:3].copy(), velocity, acceleration[None], self._settings.acting_s))
         return Moving.of(motion[:3], velocity)
 
 

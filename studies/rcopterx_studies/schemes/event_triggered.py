@@ -1,10 +1,10 @@
 """Event-triggered distributed MPC that survives lost messages (after DMPC-Swarm, Graefe et al. 2025).
 
-In each round every vehicle announces its way and how urgently it needs another one. The few most urgent
-vehicles plan one that begins with the next round, within planes between all ways at all stages, of which each
-side keeps a half; the others fly on, so that messages and computing stay few. A vehicle plans only if the
-messages of all vehicles near it arrived in the last round: otherwise its way stays, which the others have
-respected. So a lost message costs time and no separation (arXiv 2508.20553).
+In each round every vehicle announces its path and how urgently it needs another one. The few most urgent
+vehicles plan one that begins with the next round, within planes between all paths at all stages, of which
+each side keeps a half; the others fly on, so that messages and computing stay few. A vehicle plans only if
+the messages of all vehicles near it arrived in the last round: otherwise its path stays, which the others
+have respected. So a lost message costs time and no separation (arXiv 2508.20553).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.schemes.replanning import Announced, ReplanningScheme, ReplanningSettings
-from rcopterx_studies.schemes.tracked import Way
+from rcopterx_studies.schemes.tracked import SchemePath
 
 NEAR: Final = 8.0  # distance in ellipsoids up to which vehicles get planes, and have to be received
 LISTENING: Final = 2  # rounds in which a vehicle only listens at first
@@ -31,18 +31,18 @@ class EventTriggeredSettings(ReplanningSettings, frozen=True, kw_only=True):
     planning: Annotated[int, Meta(ge=1, le=64)] = 3
     """Number of vehicles that plan in a round."""
     trigger_m: float = 0.01
-    """Distance between way and targets from which a vehicle needs another way."""
+    """Distance between path and targets from which a vehicle needs another path."""
 
 
 class EventTriggeredScheme(ReplanningScheme[EventTriggeredSettings]):
-    """Plans in turns; the cascade tracks the way."""
+    """Plans in turns; the cascade tracks the path."""
 
     Settings = EventTriggeredSettings
     end = "rest"
 
     def __init__(self, model: Model, period_s: float, settings: EventTriggeredSettings) -> None:
         super().__init__(model, period_s, settings)
-        self._next: Announced | None = None  # announced way that begins with the next round
+        self._next: Announced | None = None  # announced path that begins with the next round
         self._priority = 0.0
         self._waited = 0  # rounds since the vehicle planned, or since it began to listen
         self._planned = False
@@ -54,8 +54,8 @@ class EventTriggeredScheme(ReplanningScheme[EventTriggeredSettings]):
 
     def _plan_round(self, situation: Situation) -> Announced:
         if self._next is not None:
-            way = Way.unpacked(self._next.way, self._next.stage_s)
-            self._fly(way, self._next.begins_s)
+            path = SchemePath.unpacked(self._next.path, self._next.stage_s)
+            self._fly(path, self._next.begins_s)
             self._next = None
         begins_s = (self._round + 1) * self._settings.round_s
         times_s = begins_s + self._stage_times_s
@@ -74,8 +74,8 @@ class EventTriggeredScheme(ReplanningScheme[EventTriggeredSettings]):
                 for stage in range(1, self._settings.stages)
                 if distances[name][stage] < NEAR
             ]
-            way = self._plan(*self._state(begins_s), targets, planes)
-            self._next = Announced(begins_s, way.packed(), way.stage_s)
+            path = self._plan(*self._state(begins_s), targets, planes)
+            self._next = Announced(begins_s, path.packed(), path.stage_s)
             self._waited, self._planned = 0, True
         return replace(self._next or self._announce(), priority=self._priority)
 

@@ -1,7 +1,7 @@
 """Distributed MPC with on-demand collision avoidance (Luis, Vukosavljev, Schoellig 2020).
 
-All vehicles plan at the same times, several times per second, with the last announced ways of the others. A
-way is constrained only if the last one collides: from the stage before the first collision on, by planes
+All vehicles plan at the same times, several times per second, with the last announced paths of the others. A
+path is constrained only if the last one collides: from the stage before the first collision on, by planes
 beside the vehicles that are near, as soft constraints. (The paper constrains one stage, which is as long as a
 round.) It begins where the last one is, unless the vehicle is too far from that; then it begins at the
 vehicle (event-triggered replanning).
@@ -24,11 +24,11 @@ class OnDemandSettings(ReplanningSettings, frozen=True, kw_only=True):
     """Settings of the scheme."""
 
     deviation_m: float = 0.3
-    """Distance from its way at which a vehicle plans from where it is."""
+    """Distance from its path at which a vehicle plans from where it is."""
 
 
 class OnDemandScheme(ReplanningScheme[OnDemandSettings]):
-    """Plans with constraints on demand; the cascade tracks the way."""
+    """Plans with constraints on demand; the cascade tracks the path."""
 
     Settings = OnDemandSettings
 
@@ -45,7 +45,7 @@ class OnDemandScheme(ReplanningScheme[OnDemandSettings]):
         return self._announce()
 
     def _planes(self, own: Array, others: Mapping[str, Array]) -> list[Plane]:
-        """Planes from the first collision of the last way on."""
+        """Planes from the first collision of the last path on."""
         distances = self._distances(own, others)
         colliding = [int(np.argmax(each < 1.0)) for each in distances.values() if (each < 1.0).any()]
         if not colliding:

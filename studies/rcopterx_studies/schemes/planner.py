@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 from rcopterx.control.solver.problem import HARD, repeated
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.schemes.tracked import Way
+from rcopterx_studies.schemes.tracked import SchemePath
 
 SOFT: Final = 1e4
 """Weight of the squared excess over planes and speeds, against weights of positions of about one."""
@@ -42,7 +42,7 @@ class WayPlanner:
         effort_weight: float,
         planes: int = 0,  # largest number of planes at one stage
         # cost of the end: that of the infinite horizon (`cost_to_go`), that of a stage (`stage`), or that of
-        # the infinite horizon and a large one of velocities, so that ways end at rest (`rest`)
+        # the infinite horizon and a large one of velocities, so that paths end at rest (`rest`)
         end: Literal["cost_to_go", "stage", "rest"] = "cost_to_go",
     ) -> None:
         h, zero = stage_s, np.zeros((3, 3))
@@ -65,7 +65,9 @@ class WayPlanner:
         self._stage_s, self._plane_weight = stage_s, SOFT * position_weight
         self._solver = RiccatiSolver()
 
-    def plan(self, position: Array, velocity: Array, targets: Array, planes: Sequence[Plane] = ()) -> Way:
+    def plan(
+        self, position: Array, velocity: Array, targets: Array, planes: Sequence[Plane] = ()
+    ) -> SchemePath:
         """Plan from a state towards the targets of the stages 0 to K, shape (K + 1, 3)."""
         p = self._problem
         p.x_0[:3], p.x_0[3:] = position, velocity
@@ -80,4 +82,4 @@ class WayPlanner:
                 p.high[stage, row] = level + FAR
                 p.s[stage, row] = self._plane_weight
                 used[stage] += 1
-        return Way(position, velocity, self._solver.solve(p).u, self._stage_s)
+        return SchemePath(position, velocity, self._solver.solve(p).u, self._stage_s)

@@ -1,7 +1,7 @@
-"""What schemes share that plan a new way every few tenths of a second, clear of the ways of others.
+"""What schemes share that plan a new path every few tenths of a second, clear of the paths of others.
 
 Ways are announced by messages. A vehicle with a task of its own plans towards its reference, a vehicle that
-follows towards the announced ways of its leaders plus its offsets.
+follows towards the announced paths of its leaders plus its offsets.
 """
 
 from abc import abstractmethod
@@ -16,7 +16,7 @@ from rcopterx.control.scheme import Samples, Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.schemes.planner import Plane, WayPlanner
-from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, SchemePath, TrackedScheme, TrackedSettings
 
 
 class ReplanningSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -35,27 +35,27 @@ class ReplanningSettings(TrackedSettings, frozen=True, kw_only=True):
 
 
 class Announced(Struct, frozen=True):
-    """Way of the sender; raises `ValueError` without position and velocity, also when it is decoded."""
+    """Path of the sender; raises `ValueError` without position and velocity, also when it is decoded."""
 
-    begins_s: float  # time of the fleet's clock at which the way begins
-    way: Samples
+    begins_s: float  # time of the fleet's clock at which the path begins
+    path: Samples
     stage_s: float
-    priority: float = 0.0  # how urgently the sender needs a new way
+    priority: float = 0.0  # how urgently the sender needs a new path
 
     def __post_init__(self) -> None:
-        if len(self.way) < 2:
-            raise ValueError("a way needs a position and a velocity")
+        if len(self.path) < 2:
+            raise ValueError("a path needs a position and a velocity")
 
     def at(self, times_s: Array) -> Array:
         """Positions at some times of the fleet's clock, shape (n, 3)."""
-        return Way.unpacked(self.way, self.stage_s).at(times_s - self.begins_s)[0]
+        return SchemePath.unpacked(self.path, self.stage_s).at(times_s - self.begins_s)[0]
 
 
 R = TypeVar("R", bound=ReplanningSettings)
 
 
 class ReplanningScheme(TrackedScheme[R]):
-    """A scheme that plans and announces ways in rounds of the fleet's clock."""
+    """A scheme that plans and announces paths in rounds of the fleet's clock."""
 
     Message = Announced
     end: ClassVar[Literal["cost_to_go", "rest"]] = "cost_to_go"
@@ -93,7 +93,7 @@ class ReplanningScheme(TrackedScheme[R]):
         return {name: each.at(times_s) for name, each in messages.items() if isinstance(each, Announced)}
 
     def _targets(self, situation: Situation, others: Mapping[str, Array], start_s: float) -> Array:
-        """Where to be at the stages of a way that begins at a time, shape (K + 1, 3)."""
+        """Where to be at the stages of a path that begins at a time, shape (K + 1, 3)."""
         if not situation.follows:
             given, ahead_s = self._settings, start_s - situation.time_s
             return situation.reference.resampled(ahead_s, given.stage_s, given.stages + 1).position_m
@@ -103,24 +103,24 @@ class ReplanningScheme(TrackedScheme[R]):
         return np.asarray(np.mean([others[link.name] + link.offset_m for link in followed], axis=0))
 
     def _own(self, times_s: Array) -> Array:
-        """Positions of the present way at some times, shape (n, 3)."""
-        assert self._way is not None
-        return self._way.at(times_s - self._began_s)[0]
+        """Positions of the present path at some times, shape (n, 3)."""
+        assert self._path is not None
+        return self._path.at(times_s - self._began_s)[0]
 
-    def _plan(self, position: Array, velocity: Array, targets: Array, planes: Sequence[Plane]) -> Way:
-        """Plan a way, which ends at rest."""
-        way = self._planner.plan(position, velocity, targets, planes)
-        _, last, _ = way.at(self._stage_times_s[-1:])
-        return way.braked(last[0])
+    def _plan(self, position: Array, velocity: Array, targets: Array, planes: Sequence[Plane]) -> SchemePath:
+        """Plan a path, which ends at rest."""
+        path = self._planner.plan(position, velocity, targets, planes)
+        _, last, _ = path.at(self._stage_times_s[-1:])
+        return path.braked(last[0])
 
     def _distances(self, own: Array, others: Mapping[str, Array]) -> dict[str, Array]:
         """Distances to others in ellipsoids, 1 where they touch, shape (n,) each."""
-        return {name: np.linalg.norm((own - ways) / self._axes, axis=1) for name, ways in others.items()}
+        return {name: np.linalg.norm((own - paths) / self._axes, axis=1) for name, paths in others.items()}
 
     def _plane(self, stage: int, own: Array, other: Array, halved: bool) -> Plane:
-        """Plane that separates two ways at a stage, on the ellipsoid of the other one.
+        """Plane that separates two paths at a stage, on the ellipsoid of the other one.
 
-        If `halved`, the room between the ways belongs to the nearer one, so that both may plan at the same
+        If `halved`, the room between the paths belongs to the nearer one, so that both may plan at the same
         time. The plane turns so that vehicles which meet pass each other on the right.
         """
         gaps = (own - other) / self._axes
@@ -133,8 +133,8 @@ class ReplanningScheme(TrackedScheme[R]):
         return Plane(stage, normal, float(normal @ other[stage]) + max(1.0, 0.5 + 0.5 * apart))
 
     def _announce(self) -> Announced:
-        assert self._way is not None
-        return Announced(self._began_s, self._way.packed(), self._way.stage_s)
+        assert self._path is not None
+        return Announced(self._began_s, self._path.packed(), self._path.stage_s)
 
 
 def _length(vector: Array) -> float:

@@ -1,6 +1,6 @@
 """Schemes that plan positions, which the cascade below them tracks.
 
-A way is what a point mass flies with accelerations that are constant in each of its stages.
+A path is what a point mass flies with accelerations that are constant in each of its stages.
 """
 
 from abc import ABC, abstractmethod
@@ -28,8 +28,8 @@ BRAKING_STAGE_S: Final = 0.1
 SPEED_SHARE: Final = 0.8  # share of the velocity bounds, for plans
 
 
-class Way(NamedTuple):
-    """A way from a position and a velocity, shape (3,), with accelerations of stages, shape (K, 3)."""
+class SchemePath(NamedTuple):
+    """A path from a position and a velocity, shape (3,), with accelerations of stages, shape (K, 3)."""
 
     position_m: Array
     velocity_m_s: Array
@@ -37,13 +37,13 @@ class Way(NamedTuple):
     stage_s: float
 
     @classmethod
-    def unpacked(cls, samples: Samples, stage_s: float) -> "Way":
-        """Unpack a way from a message."""
+    def unpacked(cls, samples: Samples, stage_s: float) -> "SchemePath":
+        """Unpack a path from a message."""
         rows = samples.to_numpy()
         return cls(rows[0], rows[1], rows[2:], stage_s)
 
-    def braked(self, velocity_m_s: Array) -> "Way":
-        """Return the way with stages in which the velocity at its end, shape (3,), falls to zero."""
+    def braked(self, velocity_m_s: Array) -> "SchemePath":
+        """Return the path with stages in which the velocity at its end, shape (3,), falls to zero."""
         braking = np.tile(-velocity_m_s / (BRAKING_STAGES * self.stage_s), (BRAKING_STAGES, 1))
         return self._replace(acceleration_m_s2=np.vstack((self.acceleration_m_s2, braking)))
 
@@ -92,7 +92,7 @@ S = TypeVar("S", bound=TrackedSettings)
 
 
 class TrackedScheme(ABC, Generic[S]):
-    """A scheme around a way: `exchange` chooses it, `step` tracks it."""
+    """A scheme around a path: `exchange` chooses it, `step` tracks it."""
 
     exchanges = 1
 
@@ -104,22 +104,24 @@ class TrackedScheme(ABC, Generic[S]):
         """Largest planned accelerations, shape (3,)."""
         self._speed: Array = SPEED_SHARE * np.array(model.state_max)[3:6]
         """Largest planned speeds, shape (3,)."""
-        self._way: Way | None = None
-        self._began_s = self._time_s = 0.0  # when the way began, and the time of the last exchange
+        self._path: SchemePath | None = None
+        self._began_s = self._time_s = 0.0  # when the path began, and the time of the last exchange
         self._ages_s: Array = period_s * np.arange(float(settings.horizon))
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle."""
-        self._way = None
+        self._path = None
         self._tracker.reset(estimate, last_input)
 
     def exchange(self, situation: Situation) -> Struct | None:
         """See `Scheme.exchange`."""
         self._time_s = situation.time_s
-        if self._way is None:
+        if self._path is None:
             motion = situation.estimate.motion
             velocity = inertial_velocity(motion)
-            self._fly(Way(motion[:3].copy(), velocity, np.zeros((0, 3)), BRAKING_STAGE_S).braked(velocity))
+            self._fly(
+                SchemePath(motion[:3].copy(), velocity, np.zeros((0, 3)), BRAKING_STAGE_S).braked(velocity)
+            )
         return self._exchange(situation)
 
     def step(
@@ -129,24 +131,24 @@ class TrackedScheme(ABC, Generic[S]):
         last_input: Array,
         expired: Callable[[], bool] = never,
     ) -> ControlStep:
-        """Track the way; headings are those of the reference."""
+        """Track the path; headings are those of the reference."""
         samples = reference.samples.copy()
-        if self._way is not None:
-            at = self._way.at(self._time_s - self._began_s + self._ages_s)
+        if self._path is not None:
+            at = self._path.at(self._time_s - self._began_s + self._ages_s)
             samples[:, POSITION], samples[:, VELOCITY], samples[:, ACCELERATION] = at
         return self._tracker.step(estimate, Trajectory(samples, reference.period_s), last_input, expired)
 
     @abstractmethod
     def _exchange(self, situation: Situation) -> Struct | None:
-        """Choose the way and return the message."""
+        """Choose the path and return the message."""
 
-    def _fly(self, way: Way, from_s: float | None = None) -> None:
-        """Fly a way that begins now, or at another time."""
-        self._way, self._began_s = way, self._time_s if from_s is None else from_s
+    def _fly(self, path: SchemePath, from_s: float | None = None) -> None:
+        """Fly a path that begins now, or at another time."""
+        self._path, self._began_s = path, self._time_s if from_s is None else from_s
 
     def _state(self, time_s: float | None = None) -> tuple[Array, Array]:
-        """Position and velocity of the way now or at another time, shape (3,)."""
-        assert self._way is not None
+        """Position and velocity of the path now or at another time, shape (3,)."""
+        assert self._path is not None
         time_s = self._time_s if time_s is None else time_s
-        position, velocity, _ = self._way.at(np.array([time_s - self._began_s]))
+        position, velocity, _ = self._path.at(np.array([time_s - self._began_s]))
         return position[0], velocity[0]

@@ -14,7 +14,7 @@ from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
+from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, NeighbourPlan, SeparationEllipsoid, near
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement, Obstacle
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
@@ -36,11 +36,11 @@ HEADS = {"h1": np.array([0.0, 0, 1, 0]), "h4": np.array([0.2, 0, 1, 0])}
 WHERE = places(LINKS, HEADS)
 
 
-def flying(velocity: float, start: float, ahead_s: float = 0.0, scale: float = 1.0) -> Neighbour:
+def flying(velocity: float, start: float, ahead_s: float = 0.0, scale: float = 1.0) -> NeighbourPlan:
     samples = np.zeros((30, COLUMNS))
     samples[:, 0] = start + velocity * 0.02 * np.arange(30)
     samples[:, 4] = velocity
-    return Neighbour(LeaderPlan(Trajectory(samples, 0.02), ahead_s), scale)
+    return NeighbourPlan(LeaderPlan(Trajectory(samples, 0.02), ahead_s), scale)
 
 
 def test_only_plans_that_come_near_are_kept_clear_of() -> None:
@@ -80,7 +80,7 @@ def test_distances_are_those_of_the_plans_read_at_the_same_instants(
         Trajectory(random.normal(size=(stages, COLUMNS)), period_s)
         for stages, period_s in ((STAGES, own_period_s), (9, other_period_s))
     )
-    found = near(CLEARANCE, {"h2": Neighbour(LeaderPlan(other, ahead_s), 1.0)}, own, 0.02, STAGES, 0.01)
+    found = near(CLEARANCE, {"h2": NeighbourPlan(LeaderPlan(other, ahead_s), 1.0)}, own, 0.02, STAGES, 0.01)
     other_m = other.resampled(ahead_s + 0.01, 0.02, STAGES).position_m
     gap_m = own.resampled(0.02, 0.02, STAGES).position_m - other_m
     assert found.closest_m == pytest.approx(np.linalg.norm(gap_m, axis=1).min(), abs=1e-12)
@@ -124,7 +124,7 @@ def pilot_with(controller: str) -> Pilot:
     return pilot
 
 
-ACROSS = {"h2": Neighbour(LeaderPlan(hold(np.array([0.3, 0.0, 1.0]), 0.0, 0.02, 30), 0.0), 1.0)}
+ACROSS = {"h2": NeighbourPlan(LeaderPlan(hold(np.array([0.3, 0.0, 1.0]), 0.0, 0.02, 30), 0.0), 1.0)}
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS.available())

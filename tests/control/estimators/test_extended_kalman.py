@@ -15,12 +15,12 @@ from rcopterx.control.estimators.filters import SIZE, jacobian, jacobian_at_rest
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import IDEAL, LABORATORY
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 NewFlight = Callable[..., Any]
-ON_FLOOR = Pose((0.2, -0.3, 0.0), 1.0)
+ON_FLOOR = StartPose((0.2, -0.3, 0.0), 1.0)
 
 
 def stacked(estimate: Estimate) -> Array:
@@ -139,7 +139,7 @@ def test_landing_is_recognised_by_the_estimator_itself(new_flight: NewFlight) ->
 
 
 def test_free_fall_is_not_taken_for_standing(new_flight: NewFlight) -> None:
-    flight = new_flight(start=Pose((0.0, 0.0, 2.5)))
+    flight = new_flight(start=StartPose((0.0, 0.0, 2.5)))
     flight.set_point[2] = 2.5
     flight.fly(1.0)
     flight.motors_on = False
@@ -161,7 +161,7 @@ def test_vehicle_carried_to_its_place_by_hand_is_followed(new_flight: NewFlight)
     flight.fly(0.5)
     plant = flight.laboratory.plants["h1"]
     for i in range(100):
-        plant.place(Pose((0.2 + 0.008 * i, -0.3, 0.0), 1.0))
+        plant.place(StartPose((0.2 + 0.008 * i, -0.3, 0.0), 1.0))
         assert flight.step()
     flight.fly(1.0)
     assert np.all(np.abs(flight.error) < 0.01)

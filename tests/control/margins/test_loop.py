@@ -10,7 +10,7 @@ from support.vehicle_types import COAXIAL
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.task import Task, recovery
+from rcopterx.control.controllers.cascade.task import CascadeTask, recovery
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
     default_weights,
@@ -120,10 +120,10 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
     return CascadeWeights(np.array(states[:4]), np.array(states[4:]), np.array(efforts), 1e5)
 
 
-def resting(model: Model) -> Task:
+def resting(model: Model) -> CascadeTask:
     """Task of a vehicle that rests at the origin."""
     limits = CascadeSettings().limits(model)
-    return Task(at_rest(model), np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
+    return CascadeTask(at_rest(model), np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
 
 
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:

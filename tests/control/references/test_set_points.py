@@ -9,8 +9,8 @@ from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
     ProfileLimits,
+    ProfileTransition,
     SetPointReference,
-    Transition,
     smooth_way,
 )
 from rcopterx.control.references.trajectory import COLUMNS
@@ -28,7 +28,7 @@ def three(low: float, high: float) -> st.SearchStrategy[tuple[float, float, floa
 limits = st.builds(ProfileLimits, three(0.3, 3.0), three(0.3, 6.0), three(2.0, 40.0))
 
 
-def flown(way: Transition, from_s: float = 0.0) -> np.ndarray:
+def flown(way: ProfileTransition, from_s: float = 0.0) -> np.ndarray:
     left_s = way.start_s + way.path.duration_s - from_s
     return way.sample(from_s, PERIOD_S, round(left_s / PERIOD_S) + 2).samples
 

@@ -10,7 +10,7 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
 from rcopterx.control.solver.osqp import OsqpSolver
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model
 from rcopterx_studies.benchmarks.flight import record_flight
@@ -25,7 +25,7 @@ class Recording(RiccatiSolver):
         super().__init__()
         self._problems = problems
 
-    def solve(self, p: OptimalControlProblem, *arguments: object, **options: object) -> Plan:
+    def solve(self, p: OptimalControlProblem, *arguments: object, **options: object) -> Solution:
         self._problems.append(deepcopy(p))
         return super().solve(p, *arguments, **options)  # type: ignore[arg-type]  # passed on as they are
 

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from problems import any_problem, one_stage_on, random_problem
 
 from rcopterx.control.solver.osqp import OsqpSolver
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
 from rcopterx.control.solver.riccati import RiccatiSolver
 
 seeds = st.integers(0, 10_000)
 
 
-def follows_dynamics(p: OptimalControlProblem, plan: Plan) -> bool:
+def follows_dynamics(p: OptimalControlProblem, plan: Solution) -> bool:
     after = np.einsum("kij,kj->ki", p.A, plan.x[:-1]) + np.einsum("kij,kj->ki", p.B, plan.u) + p.c
     rows = np.einsum("kij,kj->ki", p.C, plan.x[:-1]) + np.einsum("kij,kj->ki", p.D, plan.u)
     same = np.allclose(plan.x[1:], after, atol=1e-9) and np.allclose(plan.y, rows, atol=1e-9)
@@ -112,7 +112,7 @@ def test_problems_have_any_number_of_inputs(inputs: int) -> None:
     assert plan.dual_residual < 1e-3
 
 
-def cost(p: OptimalControlProblem, plan: Plan) -> float:
+def cost(p: OptimalControlProblem, plan: Solution) -> float:
     soft = np.where(np.isinf(p.s), 0.0, p.s)
     beyond = np.maximum(plan.y - p.high, 0.0) + np.minimum(plan.y - p.low, 0.0)
     end = plan.x[-1] - p.x_end

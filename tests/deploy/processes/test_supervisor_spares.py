@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from support.stand_ins import StandIn, SupervisedHost, spec
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.deploy.processes.supervisor import (
     PREPARE_S,
     SETTLED_S,
@@ -139,15 +139,15 @@ def test_a_spare_that_cannot_be_started_ends_nothing_and_is_tried_again_later(
 @pytest.mark.parametrize(
     ("role", "phase", "limit_s"),
     [
-        ("agent", Phase.FLYING, LIMITS.flight_s),
-        ("agent", Phase.WORKING, LIMITS.floor_s),
-        ("transmitters", Phase.WORKING, LIMITS.floor_s),
-        ("simulator", Phase.FLYING, LIMITS.start_s),
-        ("recorder", Phase.FLYING, LIMITS.start_s),
+        ("agent", LoopPhase.FLYING, LIMITS.flight_s),
+        ("agent", LoopPhase.WORKING, LIMITS.floor_s),
+        ("transmitters", LoopPhase.WORKING, LIMITS.floor_s),
+        ("simulator", LoopPhase.FLYING, LIMITS.start_s),
+        ("recorder", LoopPhase.FLYING, LIMITS.start_s),
     ],
 )
 def test_a_process_that_makes_no_progress_is_replaced_reported_and_counted(
-    tmp_path: Path, role: str, phase: Phase, limit_s: float
+    tmp_path: Path, role: str, phase: LoopPhase, limit_s: float
 ) -> None:
     host = SupervisedHost(tmp_path, spec("one", role), AGENT, watchdog=LIMITS)
     host.start()
@@ -200,7 +200,7 @@ def test_a_process_that_leaves_is_not_killed_for_its_silence(tmp_path: Path) -> 
 def test_transmitter_gateways_are_killed_after_all_others(tmp_path: Path) -> None:
     host = SupervisedHost(tmp_path, RADIO, AGENT, spec("two"), spec("three"), spec("four"), watchdog=LIMITS)
     host.start()
-    host["two"].page.phase = Phase.FLYING
+    host["two"].page.phase = LoopPhase.FLYING
     hang = [host["radio"], host["agent-h1"]]
     assert [line.split(":")[0] for line in host.turns(0.5, *hang)] == ["agent-h1"] * 2
     assert [line.split(":")[0] for line in host.turns(0.5, *hang)] == ["radio"] * 2
@@ -260,7 +260,7 @@ def test_vehicles_fly_if_any_process_says_so(tmp_path: Path) -> None:
     assert not host.supervisor.flying
     host.start()
     assert not host.supervisor.flying
-    host["two"].page.phase = Phase.FLYING
+    host["two"].page.phase = LoopPhase.FLYING
     assert host.supervisor.flying
 
 

@@ -17,7 +17,7 @@ from support.waiting import wait_for
 
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
-from rcopterx_studies.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 
@@ -61,7 +61,7 @@ class Hosts:
         Joins them.
     """
 
-    def __init__(self, directory: Path, net: Network) -> None:
+    def __init__(self, directory: Path, net: NetworkNamespaces) -> None:
         self._net = net
         self.fleet = directory / "lab.toml"
         self._bin = directory / "bin"
@@ -120,7 +120,7 @@ def hosts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hosts]:
         yield made
 
 
-def _make_keys(directory: Path, net: Network) -> None:
+def _make_keys(directory: Path, net: NetworkNamespaces) -> None:
     keys = directory / "keys"
     keys.mkdir()
     for name in ("host", "user"):
@@ -138,7 +138,7 @@ def _make_keys(directory: Path, net: Network) -> None:
 
 
 @contextmanager
-def _host(directory: Path, net: Network, host: str, sshd: str) -> Iterator[None]:
+def _host(directory: Path, net: NetworkNamespaces, host: str, sshd: str) -> Iterator[None]:
     for name in ("home", "units", "bin"):
         (directory / name).mkdir(parents=True)
     for name, text in PROGRAMS.items():

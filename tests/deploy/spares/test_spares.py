@@ -10,7 +10,7 @@ import pytest
 from support.fleets import PAIR
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
-from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import LoopPhase
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.spares.spares import SPARES, WARMING_LIMIT_S, Spares, spare_command
 
@@ -92,7 +92,7 @@ class WarmForks(ForkServer):
     def __init__(self) -> None:
         super().__init__()
         self.started: list[ForkedProcess] = []
-        self.phase = Phase.WORKING
+        self.phase = LoopPhase.WORKING
 
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
         shows = [sys.executable, "-S", "-c", BEATS_ONCE, str(int(self.phase))]
@@ -161,7 +161,7 @@ def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmForks, tmp_path
 def test_spares_are_started_one_after_the_other(warm: WarmForks, tmp_path: Path) -> None:
     spares = several(warm, tmp_path)
     spares.prepare()
-    warm.phase = Phase.STARTING
+    warm.phase = LoopPhase.STARTING
     log = tmp_path / "tracker.log"
     for _ in range(2):
         assert spares.take("tracker", "main", log, always) is not None
@@ -176,9 +176,9 @@ def test_a_spare_that_is_stopped_while_it_warms_up_keeps_no_other_one_waiting(
 ) -> None:
     clock = FakeClock()
     spares = several(warm, tmp_path, clock)
-    warm.phase = Phase.STARTING
+    warm.phase = LoopPhase.STARTING
     spares.prepare()
-    warm.phase = Phase.WORKING
+    warm.phase = LoopPhase.WORKING
     spares.prepare()
     assert len(warm.started) == 1
     clock.advance(WARMING_LIMIT_S)

@@ -4,7 +4,7 @@ import threading
 
 from support.waiting import wait_for
 
-from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.steering import PageSteering
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 
@@ -24,9 +24,9 @@ class Kills:
             raise NotReachedError("h2 is not killed")
 
 
-def steering_of(fleet: Kills) -> tuple[Steering, list[tuple[str, bool]]]:
+def steering_of(fleet: Kills) -> tuple[PageSteering, list[tuple[str, bool]]]:
     told: list[tuple[str, bool]] = []
-    return Steering(fleet, lambda text, refused: told.append((text, refused))), told
+    return PageSteering(fleet, lambda text, refused: told.append((text, refused))), told
 
 
 def test_a_press_while_an_earlier_kill_waits_for_its_confirmation_is_published_as_well() -> None:

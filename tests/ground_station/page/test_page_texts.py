@@ -7,7 +7,7 @@ from support.statuses import flying_status
 
 from rcopterx.bus.messages import Battery, TransmitterStatus
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.page.controls import banner, event_list, suggestions, vehicle_table
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState
@@ -62,7 +62,7 @@ def test_the_voltage_of_a_battery_is_a_bar_and_a_low_one_an_alarm() -> None:
 
 
 def test_events_are_listed_newest_first() -> None:
-    shown = event_list([Event(1.0, "h1", "first"), Event(2.0, "h2", "second", True)], 300.0)
+    shown = event_list([LoggedEvent(1.0, "h1", "first"), LoggedEvent(2.0, "h2", "second", True)], 300.0)
     assert shown.index("second") < shown.index("first")
     assert "5 min" in shown
     assert "nothing has happened yet" in event_list([], 0.0)

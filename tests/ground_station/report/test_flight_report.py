@@ -20,7 +20,7 @@ from rcopterx.bus.requests import Reply, TakeOff
 from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flights.mcap_records import FlightLogError
-from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.report.document import Html, table
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight, events_of, logged_flight
@@ -155,7 +155,7 @@ def test_a_playback_of_a_long_flight_stays_small() -> None:
 
 
 def test_no_text_of_a_flight_ends_the_script_of_its_playback() -> None:
-    event = Event(0.5, "h1", "</script><b>", True)
+    event = LoggedEvent(0.5, "h1", "</script><b>", True)
     element = playback("a", flown([0, 1, 2]), ["h1"], [event], VOLUME)
     assert element.count("</script>") == 2
     text = element.split('<script type="application/json">')[1].split("</script>")[0]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rcopterx.deploy.roles.run import run_role
 from rcopterx.fleet.reading import load_fleet
-from rcopterx.transmitter_gateway.station import Station
+from rcopterx.transmitter_gateway.transmitter_node import TransmitterNode
 
 FAULT = "a fault on request"
 
@@ -18,14 +18,14 @@ FAULT = "a fault on request"
 def break_on_request() -> None:
     """Replace the method of the running module that takes commands."""
     requests: list[int] = []
-    take_commands = Station.take_commands
+    take_commands = TransmitterNode.take_commands
 
-    def take_commands_or_fail(station: Station, clock: Callable[[], float]) -> None:
+    def take_commands_or_fail(station: TransmitterNode, clock: Callable[[], float]) -> None:
         if requests and station.vehicle == "h2":
             raise RuntimeError(FAULT)
         take_commands(station, clock)
 
-    Station.take_commands = take_commands_or_fail  # type: ignore[assignment, method-assign]  # that is the fault
+    TransmitterNode.take_commands = take_commands_or_fail  # type: ignore[assignment, method-assign]  # that is the fault
     signal.signal(signal.SIGUSR2, lambda number, _: requests.append(number))
 
 

@@ -8,7 +8,7 @@ from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetError
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
@@ -24,7 +24,7 @@ def leaders(plan: Plan | None) -> tuple[str, ...]:
 
 
 def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Truth) -> None:
-    recorder = Recorder(flying.fleet.session)
+    recorder = FlightSampler(flying.fleet.session)
     recorder.start()
     fly_to(flying, truth, (0.3, 0.1, 0.9))
     truth.assert_none_touched_down()

@@ -6,7 +6,7 @@ from integration_support import NAMES, Flying, Truth
 
 from rcopterx.control.references.path_shapes import circle, figure_eight
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
@@ -23,7 +23,7 @@ def test_a_formation_flies_an_eight_and_bad_trajectories_are_refused(flying: Fly
         fleet["h1"].fly(circle((0.0, 0.0, 1.0), 0.5, 1.0, turns=3.0))
     with pytest.raises(RefusedError, match="it follows h1"):
         fleet["h2"].fly(circle((0.0, 0.0, 1.0), 0.5, 8.0))
-    recorder = Recorder(fleet.session)
+    recorder = FlightSampler(fleet.session)
     recorder.start()
     answer = fleet["h1"].fly(figure_eight((0.0, 0.0, 0.9), (0.4, 0.2), 5.0), wait=True)
     figures = FlightFigures(recorder.stop(), NAMES)

@@ -17,26 +17,28 @@ from rcopterx.control.plugins import SCHEMES
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.arena import arena as arena_module
 from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
-from rcopterx_studies.arena.flying import Flown, arena_scheme, arena_schemes, fly_task
+from rcopterx_studies.arena.flying import FlownTask, arena_scheme, arena_schemes, fly_task
 from rcopterx_studies.arena.page import ranked, write_arena
 from rcopterx_studies.arena.ratios import error_ratios
 from rcopterx_studies.arena.tasks import HEAD, TASKS, wedge
-from rcopterx_studies.experiments.events import GoTo
+from rcopterx_studies.experiments.events import GoToEvent
 from rcopterx_studies.experiments.rig import RigOptions
 from rcopterx_studies.experiments.runner import Options
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_scheme"
-SHORT = replace(TASKS["three"], duration_s=4.0, events=(GoTo(2.2, HEAD, (1.2, 0.3, 1.4)),), errors_from_s=2.0)
+SHORT = replace(
+    TASKS["three"], duration_s=4.0, events=(GoToEvent(2.2, HEAD, (1.2, 0.3, 1.4)),), errors_from_s=2.0
+)
 
 
 @cache
-def undisturbed(name: str) -> Flown:
+def undisturbed(name: str) -> FlownTask:
     """A short flight of a scheme in which nothing fails."""
     return fly_task(arena_scheme(name), SHORT, HELICOPTERS, seed=100)
 
 
-def flown(rms_mm: float = 20.0, **changes: Any) -> Flown:
-    figures = Flown(
+def flown(rms_mm: float = 20.0, **changes: Any) -> FlownTask:
+    figures = FlownTask(
         rms_mm, 50.0, 10.0, 20.0, 600.0, 0.0, 50.0, 1000.0, 1.0, 2.0, 0, [], np.zeros((2, 5, 2))
     )  # fmt: skip
     return replace(figures, **changes)
@@ -161,7 +163,7 @@ def test_command_lists_and_refuses() -> None:
 def test_command_prints_a_digest_and_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     count = []
 
-    def fly(*_: Any, **__: Any) -> Flown:
+    def fly(*_: Any, **__: Any) -> FlownTask:
         count.append(1)
         return flown()
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.experiments.catalogue import EXPERIMENTS
-from rcopterx_studies.experiments.family import Flown
+from rcopterx_studies.experiments.family import FlownFamily
 from rcopterx_studies.experiments.runner import Experiment, Options, fly_all
 
 runner = CliRunner()
@@ -157,11 +157,11 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
 ) -> None:
     flown: list[int] = []
 
-    def fly(*_: object, seed: int, **__: object) -> Flown:
+    def fly(*_: object, seed: int, **__: object) -> FlownFamily:
         flown.append(seed)
         if seed == 101 and len(flown) == 2:
             raise KeyboardInterrupt
-        return Flown(float(seed), 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
+        return FlownFamily(float(seed), 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
 
     monkeypatch.setattr("rcopterx_studies.experiments.family.fly_member", fly)
     flights = tmp_path / "flights.jsonl"

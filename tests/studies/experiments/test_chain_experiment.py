@@ -18,7 +18,7 @@ from rcopterx_studies.experiments.chain import (
     generation,
 )
 from rcopterx_studies.experiments.record import rms
-from rcopterx_studies.experiments.runner import Options, Result
+from rcopterx_studies.experiments.runner import FlightResult, Options
 
 EACH_TIME = ("chain_heading", "several_leaders")
 
@@ -55,7 +55,7 @@ def test_figures_are_those_of_all_flights_together() -> None:
     table = figures("chain_inertial", flights)
     assert table["h3"] == {"generation": 2, "rms_mm": 3.54, "max_mm": 4.0}
     figure = Figure()
-    draw_chain(Result(Options((0, 1)), {}, {"chain_inertial": table}), figure)
+    draw_chain(FlightResult(Options((0, 1)), {}, {"chain_inertial": table}), figure)
     assert len(figure.axes) == 1
 
 

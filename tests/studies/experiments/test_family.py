@@ -13,16 +13,16 @@ from rcopterx_studies.experiments.family import (
     LIMIT_CYCLE_MRAD,
     LIMIT_CYCLE_STICK,
     QUICK_PROGRAMME,
-    Flown,
+    FlownFamily,
     distribution,
     fly_member,
     levels_of,
 )
 from rcopterx_studies.experiments.knowledge import LEVELS
 from rcopterx_studies.experiments.runner import Options
-from rcopterx_studies.experiments.schemes import Scheme
+from rcopterx_studies.experiments.schemes import FlownScheme
 
-GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
+GOOD = FlownFamily(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
 
 
 def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() -> None:
@@ -44,7 +44,7 @@ def test_default_configuration_flies_a_drawn_crazyflie_through_the_programme() -
 
 
 def test_vehicle_that_oscillates_is_a_limit_cycle() -> None:
-    stiff = Scheme("stiff", "Stiff", "pid", {"proportional": (60.0, 60.0, 6.0, 12.0)}, horizon=10)
+    stiff = FlownScheme("stiff", "Stiff", "pid", {"proportional": (60.0, 60.0, 6.0, 12.0)}, horizon=10)
     flown = fly_member(
         stiff, replace(QUICK_PROGRAMME, settled_s=1.0, hover_s=3.0, slot_s=1.0), HELICOPTERS, 1
     )

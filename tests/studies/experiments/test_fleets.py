@@ -4,7 +4,7 @@ import pytest
 
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.experiments import fleets, formation
-from rcopterx_studies.experiments.fleets import Flown, figures, fly_fleet
+from rcopterx_studies.experiments.fleets import FlownFleet, figures, fly_fleet
 from rcopterx_studies.experiments.formation import SLOTS
 from rcopterx_studies.experiments.knowledge import LEVELS
 from rcopterx_studies.experiments.runner import Options
@@ -25,9 +25,9 @@ def test_figures_are_those_of_the_worst_fleet() -> None:
     table = figures(
         "default",
         {
-            100: Flown(20.0, 80.0, False, False, 0),
-            101: Flown(30.0, 70.0, True, False, 2),
-            102: Flown(25.0, 60.0, False, True, 0),
+            100: FlownFleet(20.0, 80.0, False, False, 0),
+            101: FlownFleet(30.0, 70.0, True, False, 2),
+            102: FlownFleet(25.0, 60.0, False, True, 0),
         },
     )
     assert table["rms_mm"] == {"median": 25.0, "median_95%": [20.0, 30.0], "worst": 30.0}
@@ -37,7 +37,7 @@ def test_figures_are_those_of_the_worst_fleet() -> None:
 
 
 def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleets, "fly_fleet", lambda *_, **__: Flown(20.0, 80.0, False, False, 0))
+    monkeypatch.setattr(fleets, "fly_fleet", lambda *_, **__: FlownFleet(20.0, 80.0, False, False, 0))
     labels: list[str] = []
     result = fleets.EXPERIMENT.fly(
         Options((100, 101), preset="helicopters"), lambda label, _: labels.append(label)

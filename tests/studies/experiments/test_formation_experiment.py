@@ -9,7 +9,7 @@ from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.ground_station.report.drawing import save_figure
 from rcopterx.simulator.conditions import IDEAL, LABORATORY
-from rcopterx_studies.experiments.events import Follow, GoTo
+from rcopterx_studies.experiments.events import FollowEvent, GoToEvent
 from rcopterx_studies.experiments.formation import (
     EXPERIMENT,
     FOLLOWERS,
@@ -17,7 +17,7 @@ from rcopterx_studies.experiments.formation import (
     NEAR,
     SLOT_S,
     SLOTS,
-    Flown,
+    FlownFormation,
     draw_formation,
     events,
     figures,
@@ -25,7 +25,7 @@ from rcopterx_studies.experiments.formation import (
     mirrored,
     sequence,
 )
-from rcopterx_studies.experiments.runner import Options, Result
+from rcopterx_studies.experiments.runner import FlightResult, Options
 from rcopterx_studies.experiments.schemes import CASCADE, PAPER
 
 
@@ -55,7 +55,7 @@ def test_sequence_fills_five_minutes_and_its_second_half_mirrors_the_first() -> 
     happenings = events(sequence())
     assert max(event.time_s for event in happenings) + 2 * SLOT_S == pytest.approx(300)
     assert mirrored(mirrored(SLOTS)) == SLOTS
-    assert {type(event) for event in happenings} == {GoTo, Follow}
+    assert {type(event) for event in happenings} == {GoToEvent, FollowEvent}
 
 
 @pytest.mark.parametrize(("scheme", "conditions"), [(PAPER, IDEAL), (CASCADE, LABORATORY)])
@@ -70,9 +70,9 @@ def test_formation_flies_the_sequence(
     assert len(flight.errors_m) == 2 * len(flight.gap_errors_m)
 
 
-def flown(errors: list[float], excess: float = 0.0) -> Flown:
+def flown(errors: list[float], excess: float = 0.0) -> FlownFormation:
     tracks = np.random.default_rng(0).normal(size=(20, 3, 2, 4))
-    return Flown(np.array(errors), np.array([0.002]), np.full(7, excess), {"hover": 1}, tracks)
+    return FlownFormation(np.array(errors), np.array([0.002]), np.full(7, excess), {"hover": 1}, tracks)
 
 
 def test_figures_are_those_of_all_flights_and_of_each_seed() -> None:
@@ -87,7 +87,7 @@ def test_figures_are_those_of_all_flights_and_of_each_seed() -> None:
 
 def test_flights_are_drawn(tmp_path: Path) -> None:
     schemes = {key: {0: flown([0.001])} for key in ("paper", "cascade")}
-    result = Result(Options((0,)), schemes, {})
+    result = FlightResult(Options((0,)), schemes, {})
     save_figure(partial(draw_formation, result), tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
@@ -102,7 +102,7 @@ def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
 def test_the_papers_scheme_and_the_default_are_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
 
-    def no_flight(*_: object, **__: object) -> Flown:
+    def no_flight(*_: object, **__: object) -> FlownFormation:
         return flown([1.0, 1.0])
 
     monkeypatch.setattr("rcopterx_studies.experiments.formation.fly_formation", no_flight)

@@ -12,14 +12,14 @@ from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.faults import TimedFault
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import YAW_RATE
-from rcopterx_studies.experiments.events import Event, Fly, GoTo
+from rcopterx_studies.experiments.events import FlyEvent, GoToEvent, PilotEvent
 from rcopterx_studies.experiments.record import VehicleRecord
 from rcopterx_studies.experiments.rig import GUARDED, Rig, RigVehicle
-from rcopterx_studies.faults.laboratory_injectors import Inject
+from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
 from rcopterx_studies.faults.promise import REASON
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
@@ -30,9 +30,9 @@ GAIN_A_FIFTH = replace(COAXIAL, input_gain=(0.4, 0.42, 18.0, 111.0), uncertainty
 
 
 def flown(
-    model: Model, seed: int, seconds: float, events: Sequence[Event] = (), delay_s: float | None = None
+    model: Model, seed: int, seconds: float, events: Sequence[PilotEvent] = (), delay_s: float | None = None
 ) -> tuple[Rig, VehicleRecord]:
-    vehicle = RigVehicle("h1", model, Pose((0.0, 0.0, 1.0)), "cascade", horizon=30)
+    vehicle = RigVehicle("h1", model, StartPose((0.0, 0.0, 1.0)), "cascade", horizon=30)
     # The wait for radio frames, 11 ms on average, is part of the delay.
     wait_s = 0.5 * HELICOPTERS.radio_period_s
     fixed_s = None if delay_s is None else delay_s - wait_s
@@ -57,7 +57,7 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
 
 def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
     row, file = FAULT_FLIGHTS["vehicle-drifts"], load_fleet(fleet_path("trio"))
-    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, Inject)]
+    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, InjectedFaults)]
     rig, _ = flown(COAXIAL, 0, 2.0)
     guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
     faults = VehicleFaults({"h2": plant}, {})
@@ -88,12 +88,12 @@ def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_f
 @pytest.mark.parametrize(
     ("seed", "events"),
     [
-        (1, (GoTo(1.0, "h1", (0.8, 0.3, 1.2), np.pi), GoTo(4.0, "h1", (-0.8, -0.3, 0.8), 0.0))),
-        (3, (Fly(0.5, "h1", figure_eight((0.0, 0.0, 1.0), (0.7, 0.35), 5.0, 1.0, "along")),)),
+        (1, (GoToEvent(1.0, "h1", (0.8, 0.3, 1.2), np.pi), GoToEvent(4.0, "h1", (-0.8, -0.3, 0.8), 0.0))),
+        (3, (FlyEvent(0.5, "h1", figure_eight((0.0, 0.0, 1.0), (0.7, 0.35), 5.0, 1.0, "along")),)),
     ],
     ids=["steps", "figure-eight"],
 )
-def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequence[Event]) -> None:
+def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequence[PilotEvent]) -> None:
     rig, record = flown(COAXIAL, seed, 7.0, events)
     assert rig.guards["h1"].events[OSCILLATION] == 0
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.3
@@ -102,7 +102,7 @@ def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequ
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_long_turn_at_the_largest_rate_is_calm_although_sticks_act_late(seed: int) -> None:
     """50 ms later than the model says, with radio frames and slew rates; the rule has 30 ms."""
-    turn = GoTo(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
+    turn = GoToEvent(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
     rig, record = flown(COAXIAL, seed, 6.0, (turn,), delay_s=0.07)
     assert rig.guards["h1"].events[OSCILLATION] == 0
     along = (record.time_s > 1.6) & (record.time_s < 4.2)

@@ -10,9 +10,9 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import StartPose
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.experiments.events import Event, Follow, GoTo, Lead
+from rcopterx_studies.experiments.events import FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.network import PERFECT, LinkQuality
 from rcopterx_studies.experiments.record import FlightRecord, rms
 from rcopterx_studies.experiments.rig import (
@@ -25,19 +25,19 @@ from rcopterx_studies.experiments.rig import (
 from rcopterx_studies.experiments.schemes import CASCADE, NO_HURRY
 
 OFFSET_M = (-0.4, 0.5, 0.0)
-STEP = GoTo(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)
+STEP = GoToEvent(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)
 
 
 def leader(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
-        "h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), controller, settings, horizon=30,
+        "h1", COAXIAL_LAG, StartPose((0.0, 0.0, 1.0)), controller, settings, horizon=30,
         as_published=controller == "paper",
     )  # fmt: skip
 
 
 def follower(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
-        "h2", COAXIAL_LAG, Pose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
+        "h2", COAXIAL_LAG, StartPose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
         following=(LeaderLink(leader="h1", offset_m=OFFSET_M),),
     )  # fmt: skip
 
@@ -49,7 +49,7 @@ def pair(controller: str = "cascade") -> list[RigVehicle]:
 
 def flown(
     vehicles: Sequence[RigVehicle],
-    events: Sequence[Event] = (STEP,),
+    events: Sequence[PilotEvent] = (STEP,),
     seconds: float = 6.0,
     conditions: Conditions = IDEAL,
     seed: int = 0,
@@ -119,14 +119,17 @@ def test_rig_flies_on_from_where_it_stopped() -> None:
 
 
 def test_follower_that_leads_holds_its_place() -> None:
-    record = flown(pair(), (Lead(1.0, "h2"), STEP), seconds=5.0)["h2"]
+    record = flown(pair(), (LeadEvent(1.0, "h2"), STEP), seconds=5.0)["h2"]
     assert np.abs(record.motion[:, :3] - (-0.4, 0.5, 1.0)).max() < 0.005
     assert np.isnan(record.station[record.time_s > 1.0]).all()
 
 
 def test_leader_may_change_in_flight() -> None:
-    swap = [Lead(1.0, "h2"), Follow(1.1, "h1", (LeaderLink(leader="h2", offset_m=(0.4, -0.5, 0.0)),))]
-    record = flown(pair(), [*swap, GoTo(2.0, "h2", (0.0, 0.3, 1.3))], seconds=5.0)
+    swap = [
+        LeadEvent(1.0, "h2"),
+        FollowEvent(1.1, "h1", (LeaderLink(leader="h2", offset_m=(0.4, -0.5, 0.0)),)),
+    ]
+    record = flown(pair(), [*swap, GoToEvent(2.0, "h2", (0.0, 0.3, 1.3))], seconds=5.0)
     assert record["h1"].motion[-1, :3] == pytest.approx((0.4, -0.2, 1.3), abs=0.02)
     assert record["h1"].formation_error_m(4.5).max() < 0.005
 
@@ -156,11 +159,11 @@ def test_a_formation_of_four_headings_flies_as_one(frame: str, heading: float) -
     }
     where = places(links, {"h1": np.array([0.0, 0.0, 1.0, heading])})
     vehicles = [
-        replace(leader(), name=name, start=Pose((x, y, z), yaw), following=links[name])
+        replace(leader(), name=name, start=StartPose((x, y, z), yaw), following=links[name])
         for name, (x, y, z, yaw) in where.items()
     ]
-    turn = GoTo(4.0, "h1", (0.5, 0.0, 1.0), heading + np.pi / 2)
-    events = (GoTo(1.0, "h1", (0.5, 0.0, 1.0), heading), *((turn,) if frame == "inertial" else ()))
+    turn = GoToEvent(4.0, "h1", (0.5, 0.0, 1.0), heading + np.pi / 2)
+    events = (GoToEvent(1.0, "h1", (0.5, 0.0, 1.0), heading), *((turn,) if frame == "inertial" else ()))
     record = flown(vehicles, events, seconds=7.0)
     ahead = (record["h1"].time_s > 1.3) & (record["h1"].time_s < 1.9)
     for name, own in turns.items():
@@ -176,7 +179,7 @@ def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> N
     third = replace(
         follower(),
         name="h3",
-        start=Pose((-0.2, 0.0, 1.0)),
+        start=StartPose((-0.2, 0.0, 1.0)),
         following=(
             LeaderLink(leader="h1", offset_m=(-0.3, 0.0, 0.0), frame="heading"),
             LeaderLink(leader="h2", offset_m=(0.2, -0.5, 0.0), weight=3.0),
@@ -210,12 +213,12 @@ def test_cycle_of_leaders_is_refused() -> None:
 @pytest.mark.parametrize(
     ("event", "reason"),
     [
-        (GoTo(0.1, "h2", (0.0, 0.0, 1.0)), "it follows h1"),
-        (GoTo(0.1, "h9", (0.0, 0.0, 1.0)), "no vehicle 'h9'"),
-        (Follow(0.0, "h2", (LeaderLink(leader="h1"),)), "no plan from h1"),
+        (GoToEvent(0.1, "h2", (0.0, 0.0, 1.0)), "it follows h1"),
+        (GoToEvent(0.1, "h9", (0.0, 0.0, 1.0)), "no vehicle 'h9'"),
+        (FollowEvent(0.0, "h2", (LeaderLink(leader="h1"),)), "no plan from h1"),
     ],
 )
-def test_refused_event_stops_the_experiment(event: Event, reason: str) -> None:
+def test_refused_event_stops_the_experiment(event: PilotEvent, reason: str) -> None:
     with pytest.raises(RigError, match=reason):
         flown(pair(), (event,), seconds=0.2)
 
@@ -228,7 +231,7 @@ def test_leaders_come_before_their_followers() -> None:
 
 @pytest.mark.parametrize("conditions", [HELICOPTER, HELICOPTERS])
 def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Conditions) -> None:
-    vehicle = RigVehicle("h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), "pid", horizon=10)
+    vehicle = RigVehicle("h1", COAXIAL_LAG, StartPose((0.0, 0.0, 1.0)), "pid", horizon=10)
     record = Rig([vehicle], conditions, 1).fly(12.0)["h1"]
     assert record.touchdowns == 0
     settled = record.motion[record.time_s > 6.0, :3] - (0.0, 0.0, 1.0)
@@ -239,7 +242,7 @@ def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Co
 def test_a_known_helicopter_is_within_five_centimetres_of_a_higher_place_after_1_1_s() -> None:
     """A step of 0.6 m with a climb of 0.8 m, without gusts; the climb alone takes 1.04 s."""
     calm = replace(HELICOPTER, turbulence_rms=(0.0,) * 4)
-    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), calm, 0)
-    record = flown([vehicle], [GoTo(8.0, "h1", (0.6, 0.0, 1.8), 0.0)], 12.0, calm)["h1"]
+    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", StartPose((0.0, 0.0, 1.0)), calm, 0)
+    record = flown([vehicle], [GoToEvent(8.0, "h1", (0.6, 0.0, 1.8), 0.0)], 12.0, calm)["h1"]
     far = np.linalg.norm(record.motion[:, :3] - (0.6, 0.0, 1.8), axis=1) > 0.05
     assert record.time_s[far].max() < 8.0 + 1.1

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from rcopterx_studies.faults.chaos import PAUSE_S, SURVIVABLE, Chaos, chances, chaos_report
-from rcopterx_studies.faults.promise import Promise, Seen
+from rcopterx_studies.faults.promise import Promise, SeenFlight
 
-FLEW = Seen(30_000, 90.0, None, None, 300.0, ("armed", "hold", "armed"))
+FLEW = SeenFlight(30_000, 90.0, None, None, 300.0, ("armed", "hold", "armed"))
 CHAOS = Chaos(SimpleNamespace(), 3, 600.0, 6, [(2.5, "router-killed")], Counter({"leader-spins": 1}))  # type: ignore[arg-type]  # flies nothing
 
 
@@ -40,5 +40,5 @@ def test_chaos_in_which_no_vehicle_comes_down_has_passed() -> None:
 @pytest.mark.parametrize(
     ("seen", "problem"), [(replace(FLEW, touchdown_m_s=0.3), None), (FLEW, "h1 on the floor"), (None, None)]
 )
-def test_chaos_has_failed_otherwise(seen: Seen | None, problem: str | None) -> None:
+def test_chaos_has_failed_otherwise(seen: SeenFlight | None, problem: str | None) -> None:
     assert chaos_report(CHAOS, {"h1": seen} if seen else {}, problem, 10.0)["verdict"] == "failed"

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from rcopterx_studies.faults import matrix
-from rcopterx_studies.faults.promise import Seen
+from rcopterx_studies.faults.promise import SeenFlight
 from rcopterx_studies.faults.reports import Report, not_flown, report_of
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 FLEW = {
-    "h1": Seen(100, 20.4, None, None, 41.2, ("armed",)),
-    "h2": Seen(100, 31.0, None, None, 39.0, ("armed",)),
+    "h1": SeenFlight(100, 20.4, None, None, 41.2, ("armed",)),
+    "h2": SeenFlight(100, 31.0, None, None, 39.0, ("armed",)),
 }
 ON_PAGE = dict.fromkeys(row.on_page for row in FAULT_FLIGHTS.values())
 SAFETY = Path(__file__).parents[3] / "docs" / "safety.md"
@@ -40,7 +40,7 @@ def test_the_worst_figure_of_all_vehicles_is_in_the_matrix() -> None:
 
 
 def test_vehicles_that_come_down_count_for_the_touchdown_only() -> None:
-    landed = FLEW | {"h2": Seen(100, 1000.0, 130.0, 0.41, 3000.0, ("armed", "land", "cut"))}
+    landed = FLEW | {"h2": SeenFlight(100, 1000.0, 130.0, 0.41, 3000.0, ("armed", "land", "cut"))}
     report = report_of(FAULT_FLIGHTS["follower-crash-loop"], landed, None, 5.0)
     assert report["verdict"] == "passed"
     assert matrix.cells(report)[2:] == (

@@ -13,14 +13,22 @@ from rcopterx.bus.messages import Applied
 from rcopterx.bus.session import RawMessage
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx_studies.faults.observation import broken_in, seen_of
-from rcopterx_studies.faults.promise import LIMITS, Limits, Promise, Seen, judged, judged_take_off, outcome
+from rcopterx_studies.faults.promise import (
+    LIMITS,
+    Promise,
+    PromisedLimits,
+    SeenFlight,
+    judged,
+    judged_take_off,
+    outcome,
+)
 
-FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))
-LANDED = Seen(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))
+FLEW = SeenFlight(100, 20.0, None, None, 40.0, ("armed",))
+LANDED = SeenFlight(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))
 ON = Promise.FLIES_ON
 
 
-def failed(promise: Promise, down: tuple[str, ...], seen: dict[str, Seen]) -> list[str]:
+def failed(promise: Promise, down: tuple[str, ...], seen: dict[str, SeenFlight]) -> list[str]:
     return [check["name"] for check in judged(promise, down, LIMITS[promise], seen) if not check["passed"]]
 
 
@@ -38,7 +46,7 @@ def test_flight_in_which_all_keep_their_places_keeps_the_promise_to_fly_on() -> 
         (replace(FLEW, states=3), "the true states of all vehicles are known"),
     ],
 )
-def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> None:
+def test_each_of_these_breaks_the_promise_to_fly_on(seen: SeenFlight, broken: str) -> None:
     assert broken in failed(ON, (), {"h1": FLEW, "h2": seen})
 
 
@@ -50,12 +58,12 @@ def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> 
         (replace(LANDED, touchdown_m_s=0.61), "at most 0.6 m/s at touchdown"),
     ],
 )
-def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken: str) -> None:
+def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: SeenFlight, broken: str) -> None:
     assert failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": LANDED}) == []
     assert broken in failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": seen})
 
 
-STOOD = Seen(100, 2.0, None, None, 40.0, ("disarmed",), highest_m=0.01, ended="disarmed")
+STOOD = SeenFlight(100, 2.0, None, None, 40.0, ("disarmed",), highest_m=0.01, ended="disarmed")
 LIMITS_OF_STANDING = LIMITS[Promise.STAYS_DOWN]
 
 
@@ -72,7 +80,7 @@ LIMITS_OF_STANDING = LIMITS[Promise.STAYS_DOWN]
     ],
 )
 def test_take_off_with_a_fault_ends_on_the_floor_and_names_the_cause(
-    seen: Seen, said: str, broken: list[str]
+    seen: SeenFlight, said: str, broken: list[str]
 ) -> None:
     checks = judged_take_off({"h1": seen, "h2": STOOD}, LIMITS_OF_STANDING, "frozen|repeat", ["fine", said])
     assert [check["name"] for check in checks if not check["passed"]] == broken
@@ -99,7 +107,7 @@ def test_no_other_vehicle_may_come_down_where_one_lands() -> None:
 
 
 def test_a_row_without_limits_still_wants_to_know_who_comes_down() -> None:
-    checks = judged(ON, (), Limits(None, None, None, None), {"h1": LANDED})
+    checks = judged(ON, (), PromisedLimits(None, None, None, None), {"h1": LANDED})
     assert [check["name"] for check in checks if not check["passed"]] == ["no other vehicle comes down"]
 
 
@@ -133,7 +141,7 @@ def test_recording_shows_the_largest_distance_and_the_longest_time_without_a_com
     records = [truth(1, 0.0), truth(2, 0.03), truth(3, 0.01)]
     records += [written(0.0), written(0.1, "hold", fresh=False), written(0.3)]
     seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
-    assert seen == Seen(3, 30.0, None, None, 300.0, ("armed", "hold", "armed"), highest_m=1.0)
+    assert seen == SeenFlight(3, 30.0, None, None, 300.0, ("armed", "hold", "armed"), highest_m=1.0)
     assert not seen.down
 
 

@@ -4,15 +4,15 @@ from pathlib import Path
 
 from rcopterx_studies.faults.laboratory_injectors import Draining
 from rcopterx_studies.faults.matrix import cells, write_reports
-from rcopterx_studies.faults.promise import Seen
+from rcopterx_studies.faults.promise import SeenFlight
 from rcopterx_studies.faults.reports import Report, report_of, worst_of
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 
 def run(deviation_mm: float, silence_ms: float, problem: str | None = None) -> Report:
     seen = {
-        "h1": Seen(100, deviation_mm, None, None, silence_ms, ("armed",)),
-        "h2": Seen(100, 10.0, None, None, 20.0, ("armed", "hold", "armed")),
+        "h1": SeenFlight(100, deviation_mm, None, None, silence_ms, ("armed",)),
+        "h2": SeenFlight(100, 10.0, None, None, 20.0, ("armed", "hold", "armed")),
     }
     return report_of(FAULT_FLIGHTS["leader-killed"], seen, problem, 5.0)
 

@@ -18,7 +18,7 @@ from rcopterx_studies.schemes.admm import Iterate
 from rcopterx_studies.schemes.distributed_lqr import distributed_gains
 from rcopterx_studies.schemes.planner import Plane, WayPlanner
 from rcopterx_studies.schemes.replanning import Announced
-from rcopterx_studies.schemes.tracked import Way
+from rcopterx_studies.schemes.tracked import SchemePath
 
 PERIOD_S = 0.02
 STAGES = 8
@@ -295,15 +295,15 @@ def test_opposite_vehicles_change_places_without_coming_close(name: str, loss: f
 
 @given(st.lists(st.tuples(*3 * [st.floats(-1.0, 1.0)]), min_size=2, max_size=6))
 def test_way_in_a_message_is_the_way_that_was_packed(rows: list[tuple[float, float, float]]) -> None:
-    way = Way(np.zeros(3), np.ones(3), np.array(rows), 0.1)
+    way = SchemePath(np.zeros(3), np.ones(3), np.array(rows), 0.1)
     times_s = np.linspace(0.0, 1.0, 11)
-    again = Way.unpacked(way.packed(), 0.1)
+    again = SchemePath.unpacked(way.packed(), 0.1)
     for one, other in zip(way.at(times_s), again.at(times_s), strict=True):
         assert np.allclose(one, other, atol=1e-5)
 
 
 def test_way_ends_at_rest_after_braking() -> None:
-    way = Way(np.zeros(3), np.zeros(3), np.ones((4, 3)), 0.1)
+    way = SchemePath(np.zeros(3), np.zeros(3), np.ones((4, 3)), 0.1)
     _, velocity, _ = way.at(np.array([0.4]))
     _, stopped, _ = way.braked(velocity[0]).at(np.array([5.0]))
     assert np.abs(stopped).max() < 1e-9
@@ -316,7 +316,7 @@ def test_samples_that_are_no_rows_of_finite_numbers_are_refused(data: bytes) -> 
 
 
 def test_announced_way_of_one_row_is_refused() -> None:
-    with pytest.raises(ValueError, match="a way needs a position and a velocity"):
+    with pytest.raises(ValueError, match="a path needs a position and a velocity"):
         Announced(0.0, Samples.of(np.zeros((1, 3))), 0.1)
 
 

@@ -57,7 +57,7 @@ class Stream:
         return self.low_since_s is not None and now_s >= self.low_since_s + limits.arm_low_s
 
 
-class Admission:
+class CommandValidator:
     """Checks commands and keeps the newest valid one, of the agent with the newest lease, as `stream`."""
 
     def __init__(self, limits: ArbiterLimits, counters: Counter[str]) -> None:

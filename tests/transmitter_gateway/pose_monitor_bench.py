@@ -5,7 +5,7 @@ from typing import Any
 
 from rcopterx.radios.limits import Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import PoseInput, Position
-from rcopterx.transmitter_gateway.surveillance import Judgement, Surveillance
+from rcopterx.transmitter_gateway.pose_monitor import Judgement, PoseMonitor
 
 BOX = Fence((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0))
 CENTRE: Position = (0.0, 0.0, 1.0)
@@ -17,7 +17,7 @@ class Watch:
 
     def __init__(self, limits: SurveillanceLimits | None = None) -> None:
         self.counters: Counter[str] = Counter()
-        self.surveillance = Surveillance(limits or SurveillanceLimits(), self.counters)
+        self.surveillance = PoseMonitor(limits or SurveillanceLimits(), self.counters)
         self.now_s = 50.0
         self.frame = 0
         self.epoch = 1

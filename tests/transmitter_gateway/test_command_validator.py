@@ -13,15 +13,15 @@ from msgspec import structs
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.admission import Admission, Rejection
+from rcopterx.transmitter_gateway.command_validator import CommandValidator, Rejection
 from rcopterx.transmitter_gateway.inputs import CommandInput, PoseInput
 
 GOOD = CommandInput(1, epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),))
 
 
-def admission_of(limits: ArbiterLimits, counters: Counter[str]) -> Admission:
+def admission_of(limits: ArbiterLimits, counters: Counter[str]) -> CommandValidator:
     """An admission that has issued the lease of `GOOD`."""
-    admission = Admission(limits, counters)
+    admission = CommandValidator(limits, counters)
     assert admission.leases.bid(99, 0.0, fresh=False, take_over=False) == GOOD.lease
     return admission
 

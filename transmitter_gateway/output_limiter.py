@@ -17,7 +17,7 @@ LEAST_SHARE = 0.3  # share of the hover thrust below which no rotor of a vehicle
 BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen is braked
 
 
-class Shaping:
+class OutputLimiter:
     """Inputs of one vehicle from step to step; `u` are those applied now.
 
     `hover` learns the thrust of a hover, `law` holds and lands the vehicle.

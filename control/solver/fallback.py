@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
+from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
 from rcopterx.control.solver.sweep import quality, roll_out
 from rcopterx.vehicles.state import Array
 
@@ -13,10 +13,10 @@ OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and o
 
 def rated(
     p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, converged: bool
-) -> Plan:
-    """Return a plan with its residuals; `converged` by the solver's own tolerances, others as of `Plan`."""
+) -> Solution:
+    """Return a rated plan; `converged`: by the solver's own tolerances; others as of `Solution`."""
     _, primal, dual = quality(p, plan)
-    return Plan(*plan, active, iterations, primal, dual, converged and small(primal, dual))
+    return Solution(*plan, active, iterations, primal, dual, converged and small(primal, dual))
 
 
 def small(primal: float, dual: float) -> bool:

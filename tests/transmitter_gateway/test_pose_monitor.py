@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from surveillance_bench import QUIET, Watch
+from pose_monitor_bench import QUIET, Watch
 
 from rcopterx.radios.limits import SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Position
-from rcopterx.transmitter_gateway.surveillance import Judgement
+from rcopterx.transmitter_gateway.pose_monitor import Judgement
 
 
 def epoch_of(watch: Watch) -> int | None:

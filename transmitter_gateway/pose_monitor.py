@@ -50,7 +50,7 @@ class Track:
     undelivered_s: float = 0.0  # longest time since then for which frames were captured, but did not arrive
 
 
-class Surveillance:
+class PoseMonitor:
     """Follows raw poses of one vehicle (`own_track`, and `newest`, accepted or not) and its neighbours."""
 
     def __init__(self, limits: SurveillanceLimits, counters: Counter[str]) -> None:

@@ -27,7 +27,7 @@ NO_CAUSE = Cause(0, 0, 0, 0)  # of outputs that no command is behind
 VERBS = ["arm", "disarm", "kill", "reset"]  # the actions of their names
 
 
-class Station:
+class TransmitterNode:
     """A transmitter with its subscriptions, which wake the loop of `session`."""
 
     def __init__(self, transmitter: Transmitter, session: Session, realtime: bool) -> None:
@@ -137,7 +137,7 @@ class Station:
         link = transmitter.link(now_s)
         self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
-        accepted, track = self._accepted, arbiter.surveillance.own_track
+        accepted, track = self._accepted, arbiter.pose_monitor.own_track
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
