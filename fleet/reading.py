@@ -267,7 +267,7 @@ def _without_none(node: Any) -> Any:
 
 def shipped_fleets() -> dict[str, Path]:
     """Return the fleet files that come with the package, by name."""
-    with as_file(files("rcopterx.deploy") / "fleets") as directory:
+    with as_file(files("rcopterx.fleet") / "fleets") as directory:
         return {path.stem: path for path in sorted(directory.glob("*.toml"))}
 
 

@@ -12,6 +12,7 @@ OUT, IN = 0x01, 0x81
 LONGEST_ANSWER: Final = 64
 TIMEOUT_MS: Final = 100
 ACKNOWLEDGED: Final = 0x01
+MISSING_LIBRARY: Final = "the library pyusb is not installed: pip install 'rcopterx[crazyflie]'"
 
 
 class UsbDevice(Protocol):
@@ -25,3 +26,19 @@ class UsbDevice(Protocol):
 
     def read(self, endpoint: int, size: int, timeout: int) -> Sequence[int]:
         """Return the status of a transfer and the packet of the vehicle, if any."""
+
+
+def find_dongle(number: int) -> UsbDevice:
+    """Return a dongle, counted from 0; raises `OSError` if it is not there or cannot be used."""
+    try:
+        import usb.core
+    except ImportError:
+        raise OSError(MISSING_LIBRARY) from None
+    try:
+        dongles = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT))
+    except usb.core.NoBackendError:
+        raise OSError("the system library libusb-1.0 is not installed") from None
+    if number >= len(dongles):
+        raise OSError(f"there are {len(dongles)} Crazyradios, number {number} is not plugged in")
+    device: UsbDevice = dongles[number]
+    return device

@@ -19,7 +19,6 @@ from rcopterx.radios.crazyradio import (
     IN,
     LONGEST_ANSWER,
     OUT,
-    PRODUCT,
     RETRIES,
     SET_ADDRESS,
     SET_CHANNEL,
@@ -28,7 +27,6 @@ from rcopterx.radios.crazyradio import (
     SET_RETRIES,
     TIMEOUT_MS,
     TO_DEVICE,
-    VENDOR,
     UsbDevice,
 )
 from rcopterx.radios.crtp import RadioAddress, joined, separated
@@ -40,23 +38,6 @@ MOST_ANSWERS: Final = 64
 PACKETS_PER_S: Final = 60
 """What each vehicle needs in flight: 50 set points, and two requests with every tenth of them."""
 TIMED: Final = 200  # newest packets whose duration is averaged
-MISSING_LIBRARY: Final = "the library pyusb is not installed: pip install 'rcopterx[crazyflie]'"
-
-
-def find_dongle(number: int) -> UsbDevice:
-    """Return a dongle, counted from 0; raises `OSError` if it is not there or cannot be used."""
-    try:
-        import usb.core
-    except ImportError:
-        raise OSError(MISSING_LIBRARY) from None
-    try:
-        dongles = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT))
-    except usb.core.NoBackendError:
-        raise OSError("the system library libusb-1.0 is not installed") from None
-    if number >= len(dongles):
-        raise OSError(f"there are {len(dongles)} Crazyradios, number {number} is not plugged in")
-    device: UsbDevice = dongles[number]
-    return device
 
 
 class Crazyradio:

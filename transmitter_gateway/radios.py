@@ -9,12 +9,11 @@ from pathlib import Path
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.wakeup import Wakeup
-from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.crazyradio import UsbDevice, find_dongle
 from rcopterx.radios.crtp import RADIO, RadioAddress
 from rcopterx.radios.set_points import SetPointRadio
 from rcopterx.radios.udp import UDP
 from rcopterx.transmitter_gateway.background import at_once, in_thread
-from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio, find_dongle
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
@@ -22,7 +21,6 @@ from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
-from rcopterx.transmitter_gateway.udp_port import UdpPort
 
 
 def port_for(
@@ -33,8 +31,13 @@ def port_for(
     """Return a port for a transmitter, not yet opened; `dongles` finds Crazyradios by their number."""
     start = at_once if clock.lockstep else in_thread
     if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
+        # Imported here and below: most gateways have serial ports only.
+        from rcopterx.transmitter_gateway.udp_port import UdpPort
+
         return UdpPort(settings.port, settings.protocol, start)
     if settings.port.startswith(RADIO):
+        from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
+
         address = RadioAddress.of(settings.port)
         return CrazyradioPort(settings.port, address, crazyradio(address.dongle, dongles, clock))
     return SerialPort(settings.port, settings.protocol.line, start)

@@ -7,10 +7,9 @@ from pathlib import Path
 from rcopterx.bus.session import BusAddress
 from rcopterx.radios.battery import NO_LIMITS, BatteryLimits
 from rcopterx.radios.calibration import Calibration
-from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.crazyradio import UsbDevice, find_dongle
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.radios.protocol import RadioProtocol
-from rcopterx.transmitter_gateway.crazyradio import find_dongle
 
 
 @dataclass(frozen=True)

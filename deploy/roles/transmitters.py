@@ -11,9 +11,8 @@ from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import battery_of, limits_of
-from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.crazyradio import UsbDevice, find_dongle
 from rcopterx.radios.protocol import ProtocolError
-from rcopterx.transmitter_gateway.crazyradio import find_dongle
 from rcopterx.transmitter_gateway.process import run_gateway
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.switches import prepare_channels

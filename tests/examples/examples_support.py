@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 
 def fleet_file(directory: Path, name: str) -> Path:
     """A shipped fleet on ports of its own, with short horizons for slow computers."""
-    text = (ROOT / "deploy" / "fleets" / f"{name}.toml").read_text(encoding="utf-8")
+    text = (ROOT / "fleet" / "fleets" / f"{name}.toml").read_text(encoding="utf-8")
     bus = f'[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n'
     path = directory / f"{name}.toml"
     text = text.replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}").replace("horizon = 50", "horizon = 30")

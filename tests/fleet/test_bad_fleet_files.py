@@ -12,7 +12,7 @@ from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 
-TRIO = (Path(__file__).parents[2] / "deploy" / "fleets" / "trio.toml").read_text()
+TRIO = (Path(__file__).parents[2] / "fleet" / "fleets" / "trio.toml").read_text()
 
 HARDWARE = TRIO[: TRIO.index("\n[simulator]")] + TRIO[TRIO.index("\n[defaults.control]") :]
 

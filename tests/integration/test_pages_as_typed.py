@@ -129,7 +129,7 @@ NOT_TYPED = {
 INSTALLATION = re.compile(r"pip install -e (?:'(mine)\[test\]'|(examples/\w+))")
 INTO_THE_COPY = r"pip install --quiet --no-deps --no-build-isolation --target plugins ./\1\2"
 UP, TAKE_OFF = "rcopterx up trio", "rcopterx takeoff"
-FLEETS = "deploy/fleets"
+FLEETS = "fleet/fleets"
 LAB = f"cp {FLEETS}/trio.toml lab.toml"
 HOSTS = """cat >> lab.toml <<END
 [hosts.main]

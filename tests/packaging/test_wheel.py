@@ -43,7 +43,7 @@ def test_the_wheel_of_studies_holds_every_file_of_its_package(built: Built) -> N
 def test_the_wheel_holds_every_file_of_the_package(built: Built) -> None:
     packed = {name for name in names_in(built.wheel) if name.startswith("rcopterx/")}
     assert packed == files_of_the_package()
-    assert {"rcopterx/agents/pilot.py", "rcopterx/deploy/fleets/trio.toml", "rcopterx/py.typed"} <= packed
+    assert {"rcopterx/agents/pilot.py", "rcopterx/fleet/fleets/trio.toml", "rcopterx/py.typed"} <= packed
 
 
 def test_the_source_archive_holds_files_instead_of_links(built: Built) -> None:

@@ -369,14 +369,14 @@ def test_shipped_fleets_are_valid_and_found_by_name_and_by_path_of_the_source_tr
     for name, path in shipped.items():
         assert load_fleet(path).vehicles
         assert fleet_path(name) == path
-    assert fleet_path("deploy/fleets/trio.toml").stem == "trio"
+    assert fleet_path("fleet/fleets/trio.toml").stem == "trio"
     with pytest.raises(FleetError, match="no such file; shipped fleets are"):
         fleet_path("deploy/quartet.toml")
 
 
 def test_a_shipped_fleet_is_found_in_any_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert fleet_path("deploy/fleets/trio.toml") == shipped_fleets()["trio"]
+    assert fleet_path("fleet/fleets/trio.toml") == shipped_fleets()["trio"]
     (tmp_path / "trio").write_text("mine")
     assert fleet_path("trio") == Path("trio")
 
