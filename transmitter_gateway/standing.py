@@ -63,6 +63,12 @@ class Standing:
             for other, place in others.items()
             if math.dist(place, pose.position_m) < limits.apart_m
         ]
+        minimum_m = self._limits.surveillance.minimum_distance_m or 0.0
+        shared += [
+            f"{self._vehicle} stands {distance_m:.2f} m from {other}, closer than {minimum_m:g} m: move one"
+            for other, place in others.items()
+            if limits.apart_m <= (distance_m := math.dist(place, pose.position_m)) < minimum_m
+        ]
         # All subjects have the same axes and origin.
         below = [line for other, place in others.items() if (line := self._below(other, place))]
         return [*self.own_problems(now_s), *shared, *below]

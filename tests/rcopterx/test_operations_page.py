@@ -41,9 +41,9 @@ def test_every_problem_that_a_check_can_name_is_explained() -> None:
         transmitter = TransmitterStatus(state=state, reason="", link="up", module="", ready=ready)
         named += VehicleState("h2", None, transmitter, None, 0.0, None).problems()[1:]
     named += implausible()
-    assert len(named) == 16
+    assert len(named) == 17
     for problem in named:
-        start = re.split(r" for |: \w*$| \(|, below|, \d|: one|: \d|: over", problem)[0]
+        start = re.split(r" for |: \w*$| \(|, below|, \d|: one|: \d|: over| from h|, closer", problem)[0]
         assert start in explained, problem
 
 
@@ -54,7 +54,7 @@ def implausible() -> list[str]:
     limits = ArbiterLimits(surveillance=surveillance, standing=StandingLimits())
     found = []
     for place in ((0.0, 0.0, -0.5), (0.0, 0.0, 0.5), (1.8, 0.5, 0.0)):
-        standing = Standing("h2", limits, lambda _: {"h3": (1.8, 0.5, 0.0)})
+        standing = Standing("h2", limits, lambda _: {"h3": (1.8, 0.5, 0.0), "h4": (1.8, 0.3, 0.0)})
         standing.observe(PoseInput("h2", 1, 1, place, 1.0, tilt_rad=0.0), 0.0)
         found += standing.problems(0.0)
     standing.observe(PoseInput("h2", 1, 2, (0.0, 0.0, 0.0), 1.0), 0.0)

@@ -143,6 +143,12 @@ def test_two_vehicles_at_one_place_are_one_body() -> None:
     assert floor.see(FLOOR) == ["h1 is shown where h2 is: one body for two subjects?"]
 
 
+def test_vehicle_that_stands_too_close_to_another_one_is_named() -> None:
+    floor = Floor(noise_m=1e-5)
+    floor.others = {"h2": (0.4, -0.3, 0.02)}
+    assert floor.see(FLOOR) == ["h1 stands 0.20 m from h2, closer than 0.3 m: move one"]
+
+
 def test_axes_that_are_wrong_for_another_vehicle_are_wrong_for_this_one() -> None:
     floor = Floor()
     floor.others = {"h2": (-0.4, 0.0, -0.5)}
