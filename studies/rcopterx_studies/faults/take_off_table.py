@@ -31,11 +31,13 @@ BESIDE: Final = {
     "mavlink_quadrotor": "betaflight",
 }
 """Types, which are the names of their vehicles, and another vehicle for each."""
+ON_FLOOR: Final = "on-floor"
 MOMENTS: Final[dict[str, tuple[str, float | None]]] = {
-    "on-floor": ("on the floor", None),
+    ON_FLOOR: ("on the floor", None),
     "at-start": ("0.2 s after take-off is requested", 0.2),
     "lifting": ("0.8 s after take-off is requested", 0.8),
 }
+IN_LIFT_OFF: Final = frozenset({"jumped", "raised"})  # on the floor, another place is as good as the true one
 POSE: Final = "pose|position|see"
 STICK: Final = "pitch|roll|yaw|nose|stick|axis"
 FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
@@ -78,9 +80,15 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
 """What is wrong: in words, as a fault of a vehicle, and a pattern of the words that have to name it."""
 
 
+def moments_of(kind: str) -> dict[str, tuple[str, float | None]]:
+    """Moments at which a fault can be noticed."""
+    left_out = ON_FLOOR if kind in IN_LIFT_OFF else ""
+    return {name: moment for name, moment in MOMENTS.items() if name != left_out}
+
+
 def _rows() -> Iterator[FaultFlight]:
     for kind, (title, fault, named) in FAULTS.items():
-        for moment, (when, after_s) in MOMENTS.items():
+        for moment, (when, after_s) in moments_of(kind).items():
             for vehicle in BESIDE:
                 yield FaultFlight(
                     f"take-off-{kind}-{moment}-{vehicle}",

@@ -14,7 +14,7 @@ from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
 from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
-from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, MOMENTS
+from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, moments_of
 from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
@@ -33,7 +33,7 @@ def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> Non
     assert {name: vehicle.type for name, vehicle in TYPES.vehicles.items()} == {name: name for name in BESIDE}
     assert set(BESIDE) == {"coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"}
     for kind in FAULTS:
-        for moment, (_, after_s) in MOMENTS.items():
+        for moment, (_, after_s) in moments_of(kind).items():
             for name in BESIDE:
                 row = FAULT_FLIGHTS[f"take-off-{kind}-{moment}-{name}"]
                 assert row.take_off is not None
