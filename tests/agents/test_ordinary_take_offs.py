@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import pytest
 from support.take_offs import TakeOffs
 
-from rcopterx.simulator.plant import PlantFaults, Pose
+from rcopterx.simulator.plant import PlantFaults, StartPose
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.vehicles.phases import Phase
 
@@ -73,7 +73,7 @@ class Ordinary:
         seen, plant = self.bench.views[name], self.bench.plants[name]
         hover = self.bench.pilots[name].model.hover_thrust
 
-        def pose() -> Pose | None:
+        def pose() -> StartPose | None:
             found = seen()
             if found is None or self.gap_s <= self.bench.now_s - self.began_s < self.gap_s + GAP_S:
                 return None
@@ -82,7 +82,7 @@ class Ordinary:
             thrust = float(self.bench.pilots[name].input_history.newest[2])
             x, y, z = found.position_m
             sunk_m = self.mat_m * max(0.0, 1.0 - thrust / hover)
-            return Pose((x, y, z - sunk_m), found.yaw_rad, found.pitch_rad, found.roll_rad)
+            return StartPose((x, y, z - sunk_m), found.yaw_rad, found.pitch_rad, found.roll_rad)
 
         return pose
 

@@ -46,7 +46,7 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
     "swapped": (
         "it and another vehicle are taken for one another",
         lambda name: SwapSubjects(name, other=BESIDE[name]),
-        "subject|radio",
+        "subject|radio|pose jumped",
     ),
     "jumped": ("it is shown 0.5 m beside its place", lambda n: DisplacePose(n, (0.5, 0.0, 0.0)), POSE),
     "raised": ("it is shown 0.1 m higher", lambda n: DisplacePose(n, (0.0, 0.0, 0.1)), POSE),
