@@ -9,14 +9,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from support.vehicle_types import COAXIAL_LAG, TYPES
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, TYPES
 
 from rcopterx.control.estimators.filters import SIZE, jacobian, jacobian_at_rest
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.prediction import predict
+from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import IDEAL, LABORATORY
 from rcopterx.simulator.plant import StartPose
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import Array
 
 NewFlight = Callable[..., Any]
@@ -175,6 +176,21 @@ def test_disturbances_stay_within_their_limit(new_flight: NewFlight) -> None:
     )
     flight.fly(2.0)
     assert np.all(np.abs(flight.estimator.estimate.disturbance) <= [0.5, 0.5, 0.5, 2.0])
+
+
+@pytest.mark.parametrize("uncertainty", [IDENTIFIED, UNIDENTIFIED], ids=["identified", "unidentified"])
+@pytest.mark.parametrize("lost", [0.25, 0.3, 0.4])
+def test_a_battery_that_loses_its_thrust_is_estimated(lost: float, uncertainty: Uncertainty) -> None:
+    model = replace(COAXIAL, uncertainty=uncertainty)
+    estimator, level = ESTIMATORS.build("extended_kalman", model, 0.02, {}), np.zeros(2)
+    estimator.reset(Measurement(np.array((0.0, 0.0, 1.0)), 0.0, level))
+    for period in range(1500):
+        left = 1.0 - lost * min(period / 1000, 1.0)
+        estimator.predict(model.hover_input / left, 0.02)
+        estimator.correct(Measurement(np.array((0.0, 0.0, 1.0)), 0.0, level))
+    needed = model.gravity_m_s2 * (1.0 - 1.0 / (1.0 - lost))
+    assert estimator.estimate.disturbance[2] == pytest.approx(needed, abs=0.05)
+    assert estimator.estimate.motion[6] == pytest.approx(0.0, abs=0.01)
 
 
 def test_stated_deviation_matches_the_actual_error(new_flight: NewFlight) -> None:
