@@ -76,7 +76,8 @@ def default_weights(model: Model, period_s: float) -> DefaultWeights:
         )
         return DefaultWeights(_LAG_STATES, (max(pitch, roll), max(pitch, roll), thrust, yaw))
     floor = LOOP_DEMAND_FLOOR if model.tilt.bar_time_constant_s is None else DEMAND_FLOOR
-    speeds = [speed for step in range(SPEEDS) if (speed := graded(*SPEED) * SPEED_STEP**step) <= max(SPEED)]
+    series = (graded(*SPEED) * SPEED_STEP**step for step in range(SPEEDS))
+    speeds = [*(speed for speed in series if speed < max(SPEED)), max(SPEED)]
     speed, demand = _least(
         graded(*floor), speeds, model, lambda *pair: tilt_loop(model, period_s, (positions[0], *pair))
     )

@@ -190,3 +190,9 @@ def test_a_weight_less_than_the_rules_falls_short(model: Model) -> None:
     effort = default_weights(loose, PERIOD_S).inputs[0]
     loop = lag_loop(loose, PERIOD_S, 1, (800.0, 1.0, effort / 1.16))
     assert not bears(loop, UNIDENTIFIED)
+
+
+@pytest.mark.parametrize("gain_factor", [1.4, 1.5, 1.6, 1.65])
+def test_no_smaller_uncertainty_makes_the_sticks_softer_than_those_of_the_type(gain_factor: float) -> None:
+    known = replace(COAXIAL, uncertainty=replace(COAXIAL.uncertainty, gain_factor=gain_factor))
+    assert default_weights(known, PERIOD_S).inputs[0] <= default_weights(COAXIAL, PERIOD_S).inputs[0]
