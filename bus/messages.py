@@ -343,7 +343,7 @@ class AgentStatus(Message, frozen=True, kw_only=True):
 class Battery(Struct, frozen=True, kw_only=True):
     """A vehicle's battery as its radio reports it."""
 
-    voltage_v: Annotated[float, Meta(ge=0)]
+    voltage_v: Amount
     """Newest voltage of the whole battery [V]."""
     share: Annotated[float, Meta(ge=0, le=1)] | None = None
     """Place of the voltage between that at which the vehicle lands and that of a full battery, if given."""

@@ -5,6 +5,7 @@ A firmware that compensates for the battery hides it: its hover thrust stays the
 
 from typing import Final
 
+from rcopterx.bus.message import MAX_MAGNITUDE
 from rcopterx.bus.messages import Battery
 from rcopterx.radios.battery import BatteryLimits
 
@@ -55,4 +56,5 @@ class BatteryWatch:
         share = None
         if full_v and full_v > empty_v:
             share = min(max((self._voltage_v - empty_v) / (full_v - empty_v), 0.0), 1.0)
-        return Battery(voltage_v=max(self._voltage_v, 0.0), share=share, low=self._low or self._empty)
+        shown_v = min(max(self._voltage_v, 0.0), MAX_MAGNITUDE)  # a message with more would be rejected
+        return Battery(voltage_v=shown_v, share=share, low=self._low or self._empty)

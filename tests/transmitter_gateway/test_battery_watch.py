@@ -1,10 +1,12 @@
 """Promises of the battery's voltage: no take-off with a weak battery, and a landing before it is empty."""
 
+import msgspec
 import pytest
 from firmware_bench import FirmwareBench
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rcopterx.bus.messages import Battery
 from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.simulator.crazyflie import Crazyflie
@@ -124,3 +126,10 @@ def test_the_status_has_voltage_share_and_warning() -> None:
 def test_limits_that_contradict_each_other_are_refused(limits: tuple[float, float, float]) -> None:
     with pytest.raises(BatteryLimitsError):
         BatteryLimits(*limits)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_whatever_voltage_a_firmware_reports_the_status_is_accepted(voltage_v: float) -> None:
+    watch = BatteryWatch(LIMITS)
+    watch.observe(voltage_v, 0.0, there=True, flying=False)
+    assert msgspec.convert(msgspec.to_builtins(watch.status), Battery) == watch.status
