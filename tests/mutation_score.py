@@ -26,15 +26,15 @@ SURVIVED: Final = (0, 33)
 GATEWAY: Final = "rcopterx/transmitter_gateway"
 GROUPS: Final = {
     "arbiter": [
-        f"{GATEWAY}/{name}.py" for name in ("arbiter", "surveillance", "bridging", "hover", "leases")
+        f"{GATEWAY}/{name}.py" for name in ("arbiter", "pose_monitor", "bridging", "hover", "leases")
     ],
     "closed-loop landing": [
-        f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "shaping", "take_over")
+        f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "output_limiter", "take_over")
     ],
     "watchdog": [f"rcopterx/deploy/watchdog/{name}.py" for name in ("watchdog", "processor_time")],
     "transmitter": [
         f"{GATEWAY}/{name}.py"
-        for name in ("admission", "transmitter", "switches", "state_page", "serial_port")
+        for name in ("command_validator", "transmitter", "switches", "state_page", "serial_port")
     ],
     "gateway process": [f"{GATEWAY}/process.py"],
     "supervisor": ["rcopterx/deploy/processes/supervisor.py"],

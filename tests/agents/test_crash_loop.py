@@ -130,7 +130,7 @@ def test_a_predecessor_that_reported_nothing_is_followed_by_what_the_file_says_a
 
 def test_while_the_predecessors_settings_are_prepared_they_are_what_a_successor_is_told() -> None:
     agent = Restarted(0)
-    agent.handover.publish()
+    agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
     assert (intent.controller, intent.previous) == ("lqr", INTENT.previous)
     agent.settle()
@@ -141,7 +141,7 @@ def test_a_change_tells_a_successor_what_flew_before() -> None:
     agent.settle()
     agent.tuning.begin(FILE)
     agent.settle()
-    agent.handover.publish()
+    agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
     assert intent.controller == "pid"
     assert intent.previous is not None
@@ -154,12 +154,12 @@ def test_a_change_on_the_way_along_a_path_is_told_at_once_and_the_path_itself_on
     knots[1, :2] = (10.0, 0.5)
     agent = Restarted(0, msgspec.structs.replace(INTENT, path=FloatArray.of(knots)))
     agent.settle()
-    agent.handover.publish()
-    agent.handover.publish()
+    agent.handover.publish(0.0)
+    agent.handover.publish(0.0)
     assert len(agent.launcher.intents) == 1
     agent.tuning.begin(FILE)
     agent.settle()
-    agent.handover.publish()
+    agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
     assert intent.path is not None
     assert intent.controller == "pid"

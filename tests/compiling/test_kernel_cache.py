@@ -235,7 +235,7 @@ def test_of_processes_that_start_at_the_same_time_one_compiles_and_says_so(tmp_p
 
 
 def test_clones_of_the_same_sources_share_machine_code(tmp_path: Path) -> None:
-    (tmp_path / "kernel.py").write_text("from rcopterx.control.models import finite; print(finite.__file__)")
+    (tmp_path / "kernel.py").write_text("from rcopterx.control.models import lags; print(lags.__file__)")
     announced = {}
     for clone in ("first", "second"):
         package = Path(cache.__file__).parents[1]

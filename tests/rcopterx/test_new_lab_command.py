@@ -92,8 +92,8 @@ def test_an_answer_that_cannot_be_read_is_asked_for_again(tmp_path: Path, ports:
     result = new_lab(tmp_path / "lab.toml", answers=answers)
     assert result.exit_code == 0, result.output
     for complaint in (
-        "'127.0.0.1' is not HOST:PORT",
-        "'127.0.0.1:99999' is not HOST:PORT",
+        "'127.0.0.1', must be HOST:PORT",
+        "'127.0.0.1:99999', must be HOST:PORT",
         "'-1,-1': three numbers",
         "'wide': three numbers",
     ):

@@ -315,5 +315,5 @@ def test_no_event_is_left_when_only_the_past_has_limits() -> None:
     limits = ArbiterLimits(surveillance=SurveillanceLimits(tracking_hold_s=None, tracking_descend_s=None))
     clock = Clockwork(limits).fly()
     clock.run(400)
-    clock.arbiter._admission.stream = None
+    clock.arbiter._validator.stream = None
     assert clock.arbiter.next_event_s() == math.inf

@@ -124,10 +124,10 @@ class ArbiterMachine(RuleBasedStateMachine):
     def snapshot(self) -> tuple[Any, ...]:
         """What a rejected command must not change: all that decides about the vehicle."""
         arbiter = self.arbiter
-        stream = copy.copy(arbiter._admission.stream)
+        stream = copy.copy(arbiter._validator.stream)
         return (
             arbiter.state, arbiter.reason, arbiter.commanded, arbiter.leases.commanding, stream,
-            arbiter._shaping.u,
+            arbiter._limiter.u,
             arbiter.next_event_s(),
         )  # fmt: skip
 

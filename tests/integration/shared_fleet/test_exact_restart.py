@@ -28,7 +28,7 @@ def test_a_leader_that_has_turned_does_not_turn_back_when_its_agent_is_killed(
     flying: Flying, truth: Truth
 ) -> None:
     fleet = flying.fleet
-    fleet["h1"].go_to((0.0, 0.0, 0.8), TURNED_RAD)
+    fleet["h1"].go_to((0.0, 0.0, 0.8), turns=1)
     fleet.wait_for_arrival(["h1"], timeout_s=40)
     flying.wait_for_spare("agent-h1")
     wait_for_successor(flying, "h1", flying.kill("agent-h1"))
@@ -38,7 +38,7 @@ def test_a_leader_that_has_turned_does_not_turn_back_when_its_agent_is_killed(
     assert heading_rad(fleet.state_of("h1")) == pytest.approx(TURNED_RAD, abs=1.0)
     fleet.wait_for_formation()
     assert heading_rad(fleet.state_of("h1")) == pytest.approx(TURNED_RAD, abs=0.5)
-    fleet["h1"].go_to((0.0, 0.0, 0.8), 0.0)
+    fleet["h1"].go_to((0.0, 0.0, 0.8), turns=-1)
     fleet.wait_for_arrival(["h1"], timeout_s=40)
     truth.assert_none_touched_down()
 
