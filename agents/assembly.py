@@ -23,6 +23,10 @@ from rcopterx.bus import channels
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox
 
+LIFT_OFF_TURNS: Final = 3
+LIFT_OFF_TURN_S: Final = 0.55
+"""`LIFT_OFF_TURNS`, `LIFT_OFF_TURN_S`: vehicles that take off together lift off one after another, in so many
+turns, so that the pose of one whose subject or radio is another's rises at the wrong time."""
 TUNED: Final = "tuned"  # event of the thread that prepares another controller
 TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that checks a trajectory
 SOLVE_WINDOW: Final = 500  # number of control steps whose durations are reported
@@ -44,6 +48,8 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         settings.hover_thrust_limits,
     )
     pilot.cooperation.vehicle = settings.vehicle
+    turn = settings.vehicles.index(settings.vehicle) % LIFT_OFF_TURNS
+    pilot.lift_off_delay_s = turn * LIFT_OFF_TURN_S
     return pilot
 
 

@@ -33,6 +33,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
 
+UNSEEN_S: Final = 0.045  # without a pose for so long the thrust of a lift-off rises no further
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -79,6 +80,7 @@ class Pilot:
         self.estimation = StateEstimation(self.clock, self.estimator, self.input_history)
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
+        self.lift_off_delay_s = 0.0  # sets its lift-off apart from those of other vehicles
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
         self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._lift_off = LiftOff(model)
@@ -162,7 +164,7 @@ class Pilot:
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
             self._lift_off = LiftOff(self.model)
-            self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
+            self._lift_off.begin(time_s + self.lift_off_delay_s, float(self.estimate.motion[Z]))
             self.vehicle_watch.begin()
         return refusal
 
@@ -310,7 +312,10 @@ class Pilot:
 
     def _update_lift_off(self, time_s: float) -> None:
         """Hand over to the controller once the vehicle has lifted; give up a lift-off that fails."""
-        if self.guidance.phase is not Phase.TAKEOFF:
+        phase = self.guidance.phase
+        if phase is Phase.EMERGENCY or (phase is Phase.TAKEOFF and self.estimation.blind_s > UNSEEN_S):
+            self._lift_off.pause(time_s)
+        elif phase is not Phase.TAKEOFF:
             self._lift_off.end()
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
             self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))

@@ -57,7 +57,7 @@ class Arbiter:
         self._limiter = OutputLimiter(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self.standing = Standing(vehicle, limits, self.pose_monitor.other_places)
-        self.lift_off = LiftOffProof(limits.lift_off, limits.surveillance.trust_repeated_poses)
+        self.lift_off = LiftOffProof(vehicle, limits.lift_off, limits.surveillance.trust_repeated_poses)
         self._link = LinkState.LOST
         self._arming = self._shutdown = False
         self._motion: Motion | None = None
@@ -102,10 +102,11 @@ class Arbiter:
         """Whether the thrust has been low for so long that the vehicle stands on the floor."""
         return self._grounded(self._now_s)
 
-    def pose(self, pose: PoseInput, now_s: float) -> None:
-        """Take a raw pose of the own or another vehicle."""
+    def pose(self, pose: PoseInput, now_s: float, explained_m: float = math.inf) -> None:
+        """Take a raw pose of the own or another vehicle, which its own rotor may lift to `explained_m`."""
         if pose.vehicle != self._vehicle:
-            self.pose_monitor.other_pose(pose, now_s)
+            if self.pose_monitor.other_pose(pose, now_s) and pose.position_m is not None:
+                self.lift_off.other(pose.vehicle, pose.position_m[2], explained_m)
         else:
             self._event_s = None
             airborne = self.state in FLYING and not self._grounded(now_s)
@@ -368,7 +369,7 @@ class Arbiter:
             if motion is not None and not acting.is_low(now_s, self.limits):
                 height_m = motion.position_m[2] - self._floor_m
             shaping.play(played_input(acting.command, self._bridging_step), now_s, height_m)
-        elif self.state is State.HOLD:
+        elif self.state is State.HOLD and self.lift_off.proved:
             shaping.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:
             shaping.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)

@@ -49,8 +49,11 @@ class Gateway:
     def step(self) -> None:
         """Handle what has arrived and what is due; poses first, so that every decision knows the newest."""
         for pose, arrived_s in self._new_poses():
+            # Whether the rotors of vehicles at other gateways turn is not known here.
+            own = self.nodes.get(pose.vehicle)
+            explained_m = math.inf if own is None else own.transmitter.arbiter.lift_off.explained_m
             for node in self.nodes.values():
-                node.transmitter.on_pose(pose, arrived_s)
+                node.transmitter.on_pose(pose, arrived_s, explained_m)
         for node in self.nodes.values():
             node.take_bids(self._clock())
             node.take_commands(self._clock)

@@ -82,9 +82,9 @@ class Transmitter:
             self._decide_at_once(urgent=self.arbiter.commanded)
         return answer
 
-    def on_pose(self, pose: PoseInput, now_s: float) -> None:
-        """Take a raw pose of any vehicle that arrived at `now_s`; the next `tick` judges the own one."""
-        self.arbiter.pose(pose, now_s)
+    def on_pose(self, pose: PoseInput, now_s: float, explained_m: float = math.inf) -> None:
+        """Take a raw pose that arrived at `now_s`, see `Arbiter.pose`; the next `tick` judges the own one."""
+        self.arbiter.pose(pose, now_s, explained_m)
         if pose.vehicle == self.vehicle:
             if pose.position_m is not None and pose.yaw_rad is not None:
                 standing = self.arbiter.state not in FLYING and self._on_floor

@@ -1,7 +1,7 @@
 """Proof of a lift-off: whether the pose of a vehicle answers its own rotor.
 
 From arming until its pose has risen, nothing of a vehicle is proved: the pose may be frozen or that of
-another body. `LiftOffProof` names what shows that it is.
+another body, and the radio may move another rotor. `LiftOffProof` names what shows that it is.
 """
 
 import math
@@ -9,18 +9,31 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Three
 
-PROVED_M: Final = 0.02  # a mean pose so far above the standing one flies
+PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies
+ROSE_M: Final = 0.006  # and one so far above it has risen
+WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
+UNSEEN_M_S: Final = 1.3  # speed that a vehicle that hovers with this thrust may have reached unseen
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 TURNING: Final = 0.2  # share of the hover thrust from which on the rotor may do harm
 REPEATED_S: Final = 0.08  # a position that repeats itself exactly for so long...
 REPEATED: Final = 3  # ...and so often is frozen
 ASIDE_M: Final = 0.05
+GAP_S: Final = 0.1
+LOW_M: Final = 0.02  # a vehicle that is lower has not risen enough to move sideways
 TILT_RAD: Final = 0.35
 JUMP_M: Final = 0.1
 FASTEST_M_S: Final = 2.5
 STANDING_WEIGHT: Final = 0.1  # of a new pose in the mean of where the vehicle stands
+MAT_M: Final = 0.02  # by so much a vehicle may rise from a soft mat under a rotor that does not lift it
+OTHER_AVERAGED: Final = 3
+
+
+NOT_RISEN: Final = (
+    "its pose did not rise: an empty battery, another hover thrust, or the pose of another body?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +59,23 @@ class SeenPose(NamedTuple):
     tilt_rad: float | None = None
 
 
+class _Other:
+    """Another vehicle that stands: where, and its newest heights."""
+
+    def __init__(self, height_m: float) -> None:
+        self.stands_m = height_m
+        self.newest_m: deque[float] = deque(maxlen=OTHER_AVERAGED)
+
+
 class LiftOffProof:
     """Watches one lift-off; `problem` is the first reason to end it, and stays until `begin`.
 
     Without limits every lift-off counts as proved.
     """
 
-    def __init__(self, limits: LiftOffLimits | None, trust_repeated: bool) -> None:
+    def __init__(self, vehicle: str, limits: LiftOffLimits | None, trust_repeated: bool) -> None:
         self._bounded, self._limits = limits is not None, limits or LiftOffLimits()
-        self._trust_repeated = trust_repeated
+        self._vehicle, self._trust_repeated = vehicle, trust_repeated
         self.begin()
 
     def begin(self, *, proved: bool = False) -> None:
@@ -66,17 +87,37 @@ class LiftOffProof:
         self._newest: deque[tuple[float, Three]] = deque()
         self._changed_s = -math.inf
         self._repeats = 0
+        self._tried = False
+        self._rise_m = self._unseen_m_s = 0.0
+        self._others: dict[str, _Other] = {}
 
     @property
     def turning(self) -> bool:
         """Whether the rotor turns fast enough to do harm."""
         return self._acting > TURNING * self._limits.hover_thrust
 
+    @property
+    def explained_m(self) -> float:
+        """Height above the floor at which the own rotor, as it has turned so far, may have brought it."""
+        if self.proved or self._tried:
+            return math.inf
+        return MAT_M if self.turning else ROSE_M
+
     def thrust(self, applied: float, elapsed_s: float, *, stands: bool) -> None:
         """Use the thrust applied for the last `elapsed_s`; a vehicle that `stands` has to prove the next."""
-        if self.proved and stands and self._bounded:
-            self.begin()
+        if stands and self._bounded:
+            if self._tried and not self.proved:
+                self._end(NOT_RISEN)
+            elif self.proved:
+                self.begin()
+        self._tried = self._tried or self._acting > WEAK_SHARE * self._limits.hover_thrust
         self._acting -= math.expm1(-elapsed_s / self._limits.rotor_lag_s) * (applied - self._acting)
+        if self.proved:
+            return
+        excess = self._acting / self._limits.hover_thrust - 1.0
+        self._unseen_m_s = max(0.0, self._unseen_m_s + GRAVITY_M_S2 * excess * elapsed_s)
+        if self._unseen_m_s > UNSEEN_M_S and self._rise_m < ROSE_M:
+            self._end(NOT_RISEN)
 
     def own(self, pose: SeenPose, now_s: float) -> None:
         """Use a pose of the own vehicle."""
@@ -90,11 +131,27 @@ class LiftOffProof:
         if self._stands is None or not self.turning:
             self._stands = _standing(self._stands, pose)
             return
+        if last is not None and now_s > last[0] + GAP_S:
+            # Where it slid meanwhile was not seen.
+            x, y, _ = pose.position_m
+            self._stands = SeenPose((x, y, self._stands.position_m[2]), self._stands.tilt_rad)
         if last is not None:
             reach_m = JUMP_M + FASTEST_M_S * min(now_s - last[0], 0.3)
             if math.dist(last[1], pose.position_m) > reach_m:
                 self._end("its pose jumped")
         self._judge(pose, self._stands)
+
+    def other(self, name: str, height_m: float, explained_m: float) -> None:
+        """Use the height of another vehicle, which its own rotor may lift by `explained_m`."""
+        if self.proved:
+            return
+        other = self._others.setdefault(name, _Other(height_m))
+        other.newest_m.append(height_m)
+        rise_m = math.fsum(other.newest_m) / len(other.newest_m) - other.stands_m
+        if not self.turning:
+            other.stands_m += STANDING_WEIGHT * rise_m
+        elif rise_m > explained_m and self._rise_m < 0.5 * rise_m:
+            self._end(f"{name} rose when the rotor of {self._vehicle} turned: subjects or radios exchanged?")
 
     def _count_repeats(self, position_m: Three, now_s: float) -> None:
         if self._trust_repeated or not self._newest or position_m != self._newest[-1][1]:
@@ -108,13 +165,18 @@ class LiftOffProof:
         """Judge the mean of the newest poses against where the vehicle stood."""
         places = [place for _, place in self._newest]
         x, y, z = (math.fsum(axis) / len(places) for axis in zip(*places, strict=True))
-        rise_m = z - stands.position_m[2]
-        if math.dist((x, y), stands.position_m[:2]) > max(ASIDE_M, 2 * rise_m):
+        self._rise_m = rise_m = z - stands.position_m[2]
+        if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
         if pose.tilt_rad is not None and stands.tilt_rad is not None:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")
+        self._judge_rise(rise_m)
+
+    def _judge_rise(self, rise_m: float) -> None:
+        if rise_m > MAT_M and not self._tried:
+            self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
         self.proved = self.problem is None and rise_m > PROVED_M
 
     def _end(self, problem: str) -> None:

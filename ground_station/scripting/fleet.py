@@ -36,7 +36,7 @@ FIRMWARE_DISARM_S = 5.0  # for firmware that has to detect the landing first
 STATUS_S = 1.0  # by then every vehicle has reported its state
 MEASURING_S = 60.0  # how long a take-off waits for hosts that measure how many vehicles they can fly
 NOT_LIFTED = (
-    "did not lift at 1.4 times the thrust at which its model hovers: charge the battery, see that motors "
+    "did not lift at 1.38 times the thrust at which its model hovers: charge the battery, see that motors "
     "run, then find the hover thrust by rcopterx calibrate --step throttle"
 )
 STAY_BEHIND_S = 5.0  # a take-off waits so long for all vehicles before it leaves others behind

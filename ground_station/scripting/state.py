@@ -179,6 +179,8 @@ class VehicleState:
             found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
         elif self.transmitter.state == "killed":
             found.append(f"{self.name}: killed ({self.reason}); reset it first")
+        elif self.transmitter.state == "cut" and self.reason.startswith("lift-off"):
+            found.append(f"{self.name}: the last take-off failed ({self.reason}); mend it, then disarm it")
         if self.transmitter is not None and not self.airborne:
             found += self.transmitter.pose_problems
         return found

@@ -201,7 +201,7 @@ def test_a_take_off_that_ends_on_the_floor_fails_at_once_with_the_reason(
 
     monkeypatch.setattr(fleet, "wait_until", dropped)
     with pytest.raises(
-        RefusedError, match=r"^take-off failed: h1: did not lift at 1.4 times .*--step throttle$"
+        RefusedError, match=r"^take-off failed: h1: did not lift at 1.38 times .*--step throttle$"
     ):
         fleet.take_off(["h1"], timeout_s=10.0)
 

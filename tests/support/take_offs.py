@@ -132,7 +132,8 @@ class TakeOffs:
         poses = {name: self.views[name]() for name in self.names}
         for arbiter in self.arbiters.values():
             for name, pose in poses.items():
-                arbiter.pose(self._pose_input(name, pose), self.now_s)
+                explained_m = self.arbiters[name].lift_off.explained_m
+                arbiter.pose(self._pose_input(name, pose), self.now_s, explained_m)
         controls = self.frame % round(CONTROL_S / self.frame_s) == 0
         for name in self.names:
             self._observe(name, poses[name])

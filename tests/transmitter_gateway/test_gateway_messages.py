@@ -22,7 +22,7 @@ def test_every_pose_between_two_turns_reaches_every_vehicle_with_its_time_of_arr
     laboratory.gateway.step()
     came: list[tuple[str, str, int, float]] = []
 
-    def note(transmitter: Transmitter, pose: PoseInput, now_s: float) -> None:
+    def note(transmitter: Transmitter, pose: PoseInput, now_s: float, explained_m: float) -> None:
         came.append((transmitter.vehicle, pose.vehicle, pose.frame, now_s))
 
     monkeypatch.setattr(Transmitter, "on_pose", note)
