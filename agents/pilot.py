@@ -321,6 +321,12 @@ class Pilot:
             self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
             self.guidance.lifted(self.estimate, time_s)
             self._lift_off.end()
+            # What carries it is less than the thrust by now.
+            carrying = self.input_history.newest.copy()
+            lifting_m_s2 = self.model.gravity_m_s2 - self.estimate.disturbance[U_THRUST]
+            carrying[U_THRUST] = lifting_m_s2 / self.model.b[U_THRUST]
+            self.step_guard.reset(self.estimation.compensated(self.model), carrying)
+            self._flown_by_controller = True
         elif self._lift_off.failed(time_s):
             self._lift_off.end()
             self.fallbacks["not_lifted"] += 1
