@@ -16,7 +16,6 @@ from rcopterx.bus.rounding import TIME_BITS
 NANO: Final = 1_000_000_000
 """Nanoseconds of a second."""
 SLOWEST: Final = 0.01  # least speed; in lockstep that of limits in real time, as nothing has to be in time
-NAP_S: Final = 0.01  # real time between two readings of a clock in lockstep
 _TICKS: Final = 2.0**TIME_BITS
 
 
@@ -45,10 +44,6 @@ class Clock:
     def real_s(self, seconds: float) -> float:
         """Return the real time of a duration [s]."""
         return seconds / self.speed
-
-    def nap_s(self, seconds: float) -> float:
-        """Return how long to sleep [s], to wait for a duration, until the clock is read again."""
-        return min(seconds, NAP_S) if self.lockstep else self.real_s(seconds)
 
     def wall_s(self) -> float:
         """Return the wall clock [s], in lockstep the time of the fleet."""
