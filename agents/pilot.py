@@ -320,11 +320,10 @@ class Pilot:
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
             self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
             self.guidance.lifted(self.estimate, time_s)
-            self._lift_off.end()
             # What carries it is less than the thrust by now.
             carrying = self.input_history.newest.copy()
-            lifting_m_s2 = self.model.gravity_m_s2 - self.estimate.disturbance[U_THRUST]
-            carrying[U_THRUST] = lifting_m_s2 / self.model.b[U_THRUST]
+            carrying[U_THRUST] = self._lift_off.carrying_thrust(time_s)
+            self._lift_off.end()
             self.step_guard.reset(self.estimation.compensated(self.model), carrying)
             self._flown_by_controller = True
         elif self._lift_off.failed(time_s):

@@ -13,24 +13,22 @@ from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Three
 
 PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies
-ROSE_M: Final = 0.006  # and one so far above it has risen
+ROSE_M: Final = 0.006  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 1.3  # speed that a vehicle that hovers with this thrust may have reached unseen
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 TURNING: Final = 0.2  # share of the hover thrust from which on the rotor may do harm
 REPEATED_S: Final = 0.08  # a position that repeats itself exactly for so long...
 REPEATED: Final = 3  # ...and so often is frozen
-ASIDE_M: Final = 0.05
-GAP_S: Final = 0.1
+ASIDE_M: Final = 0.05  # from where it stood, without rising
+GAP_S: Final = 0.1  # after so long without a pose it may have slid
 LOW_M: Final = 0.02  # a vehicle that is lower has not risen enough to move sideways
 TILT_RAD: Final = 0.35
 JUMP_M: Final = 0.1
 FASTEST_M_S: Final = 2.5
 STANDING_WEIGHT: Final = 0.1  # of a new pose in the mean of where the vehicle stands
 MAT_M: Final = 0.02  # by so much a vehicle may rise from a soft mat under a rotor that does not lift it
-OTHER_AVERAGED: Final = 3
-
-
+OTHER_AVERAGED: Final = 3  # poses in the mean height of another vehicle
 NOT_RISEN: Final = (
     "its pose did not rise: an empty battery, another hover thrust, or the pose of another body?"
 )
@@ -172,9 +170,6 @@ class LiftOffProof:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")
-        self._judge_rise(rise_m)
-
-    def _judge_rise(self, rise_m: float) -> None:
         if rise_m > MAT_M and not self._tried:
             self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
         self.proved = self.problem is None and rise_m > PROVED_M

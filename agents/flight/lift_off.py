@@ -78,12 +78,19 @@ class LiftOff:
         climbing = motion.copy()
         climbing[ZD_BODY] = LIFT_SPEED_M_S
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
-        acts_s = min(_in_try(time_s - self._model.delay_s - self._begun_s), PEAK_S)
-        actuator[U_THRUST] = self._hover * _share(acts_s)[0]
-        rising_s = (6 * LIFTED_M / (RISE_PER_S * GRAVITY_M_S2)) ** (1 / 3)
-        weight = self._model.b[U_THRUST] * self._hover * _share(acts_s - rising_s)[0]
+        actuator[U_THRUST] = self._hover * _share(self._acts_s(time_s))[0]
+        weight = self._model.b[U_THRUST] * self.carrying_thrust(time_s)
         disturbance[U_THRUST] = self._model.gravity_m_s2 - weight
         return Estimate(climbing, actuator, disturbance)
+
+    def carrying_thrust(self, time_s: float) -> float:
+        """Return the thrust under which a vehicle left the floor that is seen to have lifted now."""
+        rising_s = (6 * LIFTED_M / (RISE_PER_S * GRAVITY_M_S2)) ** (1 / 3)
+        return self._hover * _share(self._acts_s(time_s) - rising_s)[0]
+
+    def _acts_s(self, time_s: float) -> float:
+        """Time in a try whose thrust acts now, at its peak at the latest."""
+        return min(_in_try(time_s - self._model.delay_s - self._begun_s), PEAK_S)
 
     def lifted(self, height_m: float) -> bool:
         """Whether the vehicle has left the floor."""

@@ -1,4 +1,4 @@
-"""Serial adapters whose numbers do not tell them apart."""
+"""Serial adapters with equal serial numbers."""
 
 from pathlib import Path
 from types import SimpleNamespace
