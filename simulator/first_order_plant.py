@@ -7,7 +7,7 @@ import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
-from rcopterx.simulator.plant import CALM, StartPose, SteppedPlant, four
+from rcopterx.simulator.plant import CALM, BodyPose, SteppedPlant, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
@@ -71,7 +71,7 @@ def specimen(model: Model, conditions: Conditions, generator: np.random.Generato
 class FirstOrderPlant(SteppedPlant):
     """A vehicle that obeys equation (1); `model` and `trim` are its true parameters, drawn around a model."""
 
-    def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: StartPose) -> None:
+    def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> None:
         self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
         self._tilt_limit_rad = tilt_limit_rad(self.model) if model.airframe == "attitude" else 0.0
         self._loop = None if self.model.tilt is None else AttitudeLoop(self.model.tilt)
@@ -83,11 +83,11 @@ class FirstOrderPlant(SteppedPlant):
         return self._motion
 
     @property
-    def pose(self) -> StartPose:
+    def pose(self) -> BodyPose:
         """True pose of the body, yaw unwrapped."""
         x, y, z, yaw = self._motion[:4]
         pitch, roll = self._attitude(self._actuator)
-        return StartPose((x, y, z), yaw, pitch, roll)
+        return BodyPose((x, y, z), yaw, pitch, roll)
 
     def _stop(self, position_m: Three, yaw_rad: float) -> None:
         self._motion = (*position_m, yaw_rad, 0.0, 0.0, 0.0, 0.0)

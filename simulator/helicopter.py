@@ -32,7 +32,7 @@ from rcopterx.simulator.helicopter_dynamics import (
     swash_target,
 )
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import CALM, Plant, StartPose
+from rcopterx.simulator.plant import CALM, BodyPose, Plant
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -154,7 +154,7 @@ class Helicopter(Plant):
     """
 
     def __init__(
-        self, name: str, model: Model, conditions: Conditions, seed: int, start: StartPose,
+        self, name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose,
         parameters: HelicopterParameters,
     ) -> None:  # fmt: skip
         self.parameters = parameters
@@ -162,7 +162,7 @@ class Helicopter(Plant):
         self.state = level_state((0.0, 0.0, 0.0), 0.0, (0.0, 0.0))
         self._tilt_per_slope = parameters.tilt_per_slope
         self._servos = Servo(parameters.servo_step), Servo(parameters.servo_step)
-        self._markers = StartPose(
+        self._markers = BodyPose(
             (0.0, 0.0, 0.0), 0.0, parameters.marker_pitch_rad, parameters.marker_roll_rad
         ).quaternion_xyzw
         drift = conditions.gyro_drift_rad_s / parameters.yaw_rate_gain_rad_s
@@ -180,13 +180,13 @@ class Helicopter(Plant):
         return (s.x, s.y, s.z, self._yaw_rad, forward, left, s.vz, yaw_rate)
 
     @property
-    def pose(self) -> StartPose:
+    def pose(self) -> BodyPose:
         """True pose of the body, yaw unwrapped."""
         s = self.state
         return self._pose((s.x, s.y, s.z), s.qw, s.qx, s.qy, s.qz)
 
     @property
-    def marker_pose(self) -> StartPose:
+    def marker_pose(self) -> BodyPose:
         """Pose of the markers, which do not sit straight on the body, yaw unwrapped."""
         state = self.state
         w, x, y, z = state.qw, state.qx, state.qy, state.qz
@@ -199,9 +199,9 @@ class Helicopter(Plant):
             w * k + z * s + x * j - y * i,
         )
 
-    def _pose(self, position_m: Three, w: float, x: float, y: float, z: float) -> StartPose:
+    def _pose(self, position_m: Three, w: float, x: float, y: float, z: float) -> BodyPose:
         yaw = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-        return StartPose(
+        return BodyPose(
             position_m,
             self._yaw_rad + math.remainder(yaw - self._yaw_rad, math.tau),
             math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),

@@ -21,7 +21,7 @@ from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.simulator.conditions import DRONE_MODELS, IDENTIFIED, Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
-from rcopterx.simulator.plant import CALM, StartPose, SteppedPlant, four
+from rcopterx.simulator.plant import CALM, BodyPose, SteppedPlant, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -161,7 +161,7 @@ class CrazyfliePlant(SteppedPlant):
     """
 
     def __init__(
-        self, name: str, model: Model, conditions: Conditions, seed: int, start: StartPose,
+        self, name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose,
         vehicle: IdentifiedCrazyflie,
     ) -> None:  # fmt: skip
         self.vehicle = vehicle
@@ -179,17 +179,17 @@ class CrazyfliePlant(SteppedPlant):
         return x, y, z, yaw, cosine * vx + sine * vy, cosine * vy - sine * vx, vz, yaw_rate
 
     @property
-    def pose(self) -> StartPose:
+    def pose(self) -> BodyPose:
         """True pose of the body, yaw unwrapped."""
         x, y, z, roll, pitch, yaw = self._state[:6]
-        return StartPose((x, y, z), yaw, pitch, roll)
+        return BodyPose((x, y, z), yaw, pitch, roll)
 
     @property
-    def marker_pose(self) -> StartPose:
+    def marker_pose(self) -> BodyPose:
         """Pose of the markers, which do not sit straight on the body, yaw unwrapped."""
         x, y, z, roll, pitch, yaw = self._state[:6]
         pitch_rad, roll_rad = self.vehicle.marker_tilt_rad
-        return StartPose((x, y, z), yaw, pitch + pitch_rad, roll + roll_rad)
+        return BodyPose((x, y, z), yaw, pitch + pitch_rad, roll + roll_rad)
 
     def _settle(self) -> None:
         self._state[12:] = 4 * [self._commanded_n()]

@@ -10,7 +10,7 @@ from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, crazyflie_of
-from rcopterx.simulator.plant import STILL, Plant, StartPose, Wake
+from rcopterx.simulator.plant import STILL, BodyPose, Plant, Wake
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Three
@@ -80,7 +80,7 @@ def wake_in_room(position_m: Three, low_m: Three, high_m: Three) -> Wake:
     )
 
 
-def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: StartPose) -> Plant:
+def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> Plant:
     """Plant of a vehicle at time 0: equation (1), or what the conditions require for its airframe.
 
     Raises `ValueError` for a start pose that is not finite or below the floor, and `ModuleNotFoundError` for
@@ -104,7 +104,7 @@ class Laboratory:
     def __init__(
         self,
         models: Mapping[str, Model],
-        start: Mapping[str, StartPose],
+        start: Mapping[str, BodyPose],
         conditions: Conditions,
         seed: int = 0,
     ) -> None:
@@ -140,14 +140,14 @@ class Laboratory:
                 wakes.append(wake_in_room((x, y, z), conditions.volume_min_m, conditions.volume_max_m))
             plant.wake = Wake(*(sum(parts) for parts in zip(*map(astuple, wakes), strict=True)))
 
-    def seen_pose(self, name: str) -> StartPose | None:
+    def seen_pose(self, name: str) -> BodyPose | None:
         """Pose as `measured_pose`, or None in a frame in which the Tracker misses the vehicle."""
         missed = self._conditions.dropout_fraction
         if missed and self._noise[name].random() < missed:
             return None
         return self.measured_pose(name)
 
-    def measured_pose(self, name: str) -> StartPose:
+    def measured_pose(self, name: str) -> BodyPose:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
         pose = self.plants[name].marker_pose
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
@@ -155,7 +155,7 @@ class Laboratory:
             self._noise[name].standard_normal(6).tolist()
         )
         x, y, z = pose.position_m
-        return StartPose(
+        return BodyPose(
             (x + position_m * noise_x, y + position_m * noise_y, z + position_m * noise_z),
             math.remainder(pose.yaw_rad + angle_rad * noise_yaw, math.tau),
             pose.pitch_rad + angle_rad * noise_pitch,

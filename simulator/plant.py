@@ -19,7 +19,7 @@ CALM: Four = (0.0, 0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9
 
 
-class StartPose(Struct, frozen=True):
+class BodyPose(Struct, frozen=True):
     """Position, inertial, and rotations about z, body y, body x; positive pitch is nose down, as z is up."""
 
     position_m: Three
@@ -82,7 +82,7 @@ class Plant(ABC):
     `ValueError` for another one.
     """
 
-    def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: StartPose) -> None:
+    def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> None:
         self._name = name
         self._conditions = conditions
         self._gravity_m_s2 = model.gravity_m_s2
@@ -107,7 +107,7 @@ class Plant(ABC):
         self.faults = PlantFaults()
         self.place(start)
 
-    def place(self, pose: StartPose) -> None:
+    def place(self, pose: BodyPose) -> None:
         """Put the vehicle somewhere at rest, as by hand: battery, weather and time continue.
 
         Position and yaw count. On the floor the motors stop, above it the vehicle hovers. Raises `ValueError`
@@ -144,7 +144,7 @@ class Plant(ABC):
 
     @property
     @abstractmethod
-    def pose(self) -> StartPose:
+    def pose(self) -> BodyPose:
         """True pose of the body, yaw unwrapped."""
 
     @property
@@ -154,7 +154,7 @@ class Plant(ABC):
         return x, y, z
 
     @property
-    def marker_pose(self) -> StartPose:
+    def marker_pose(self) -> BodyPose:
         """Pose of the markers, as a Tracker without noise measures it, yaw unwrapped."""
         return self.pose
 

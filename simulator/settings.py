@@ -6,7 +6,7 @@ from rcopterx.bus.session import BusAddress
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.protocol import RadioProtocol
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import Model
 
 
@@ -25,7 +25,7 @@ class SimulatedVehicle:
     name: str
     subject: str
     model: Model
-    start: StartPose
+    start: BodyPose
     port: str
     radio: SimulatedRadio
     calibration: Calibration

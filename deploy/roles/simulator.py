@@ -19,7 +19,7 @@ from rcopterx.radios.crtp import RADIO, RadioAddress
 from rcopterx.simulator.conditions import PRESETS, Conditions
 from rcopterx.simulator.crazyradio import place_of
 from rcopterx.simulator.identified_crazyflie import missing_library
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.process import run_simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 
@@ -75,7 +75,7 @@ def _simulated(fleet: FleetFile, name: str, directory: Path, start: Four) -> Sim
         name=name,
         subject=vehicle.subject,
         model=model_of(fleet, name),
-        start=StartPose(start[:3], start[3]),
+        start=BodyPose(start[:3], start[3]),
         port=simulated_port_of(fleet, name, directory),
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),

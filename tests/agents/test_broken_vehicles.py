@@ -5,7 +5,7 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTERS, Conditions
-from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle
 
@@ -21,7 +21,7 @@ WINDY = (0.4, 0.4, 0.25, 1.0)
 
 
 def rig_of(seed: int, conditions: Conditions = HELICOPTERS, every: int = 1) -> Rig:
-    vehicle = RigVehicle("h1", COAXIAL, StartPose((0.0, 0.0, 1.0)), "cascade")
+    vehicle = RigVehicle("h1", COAXIAL, BodyPose((0.0, 0.0, 1.0)), "cascade")
     return Rig([vehicle], conditions, seed, RigOptions(watch=True, slow={"h1": every}))
 
 

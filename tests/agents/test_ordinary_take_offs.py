@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import pytest
 from support.take_offs import TakeOffs
 
-from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.vehicles.lift_off import NOT_RISEN
 from rcopterx.vehicles.phases import Phase
@@ -77,7 +77,7 @@ class Ordinary:
         seen, plant = self.bench.views[name], self.bench.plants[name]
         hover = self.bench.pilots[name].model.hover_thrust
 
-        def pose() -> StartPose | None:
+        def pose() -> BodyPose | None:
             found = seen()
             if found is None or self.gap_s <= self.bench.now_s - self.began_s < self.gap_s + GAP_S:
                 return None
@@ -86,7 +86,7 @@ class Ordinary:
             thrust = float(self.bench.pilots[name].input_history.newest[2])
             x, y, z = found.position_m
             sunk_m = self.mat_m * max(0.0, 1.0 - thrust / hover)
-            return StartPose((x, y, z - sunk_m), found.yaw_rad, found.pitch_rad, found.roll_rad)
+            return BodyPose((x, y, z - sunk_m), found.yaw_rad, found.pitch_rad, found.roll_rad)
 
         return pose
 

@@ -12,7 +12,7 @@ from support.udp import udp_paths
 from support.waiting import wait_for
 
 from rcopterx.radios.udp import udp_address
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vicon_gateway.client import DataStreamClient
 from rcopterx.vicon_gateway.frame import SubjectPose
 
@@ -81,5 +81,5 @@ def test_a_client_of_the_tracker_sees_the_autopilot() -> None:
         serving.join()
     assert seen[-1].name == "quad1"
     assert seen[-1].position_m == pytest.approx((1.0, -2.0, 3.0), abs=1e-4)
-    expected = StartPose((0.0, 0.0, 0.0), yaw_rad=-0.3, pitch_rad=-0.2, roll_rad=0.1).quaternion_xyzw
+    expected = BodyPose((0.0, 0.0, 0.0), yaw_rad=-0.3, pitch_rad=-0.2, roll_rad=0.1).quaternion_xyzw
     assert seen[-1].quaternion_xyzw == pytest.approx(expected, abs=1e-4)

@@ -10,7 +10,7 @@ from support.vehicle_types import COAXIAL, TYPES
 
 from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.laboratory import Laboratory, wake_below
-from rcopterx.simulator.plant import STILL, StartPose
+from rcopterx.simulator.plant import STILL, BodyPose
 
 
 def test_downwash_is_full_close_below_and_falls_with_the_distance_and_to_the_sides() -> None:
@@ -40,7 +40,7 @@ def test_slopes_are_those_of_the_downwash(x: float, y: float, below: float) -> N
 
 
 def test_a_helicopter_at_the_edge_of_a_wake_tilts_towards_its_middle() -> None:
-    start = {"above": StartPose((0.0, 0.0, 1.5)), "below": StartPose((-0.15, 0.1, 1.1))}
+    start = {"above": BodyPose((0.0, 0.0, 1.5)), "below": BodyPose((-0.15, 0.1, 1.1))}
     lab = Laboratory(
         dict.fromkeys(start, COAXIAL), start, replace(IDEAL, coaxial_plant="helicopter", downwash_m_s2=2.5)
     )
@@ -57,9 +57,9 @@ def test_vehicle_below_another_is_pushed_down_and_the_upper_one_not(kind: str) -
         HELICOPTER, turbulence_rms=(0.0, 0.0, 0.0, 0.0), parameter_mismatch=0.0, trim_offset=0.0
     )
     start = {
-        "above": StartPose((0.0, 0.0, 1.5)),
-        "below": StartPose((0.05, 0.0, 1.1)),
-        "aside": StartPose((1.0, 0.0, 1.1)),
+        "above": BodyPose((0.0, 0.0, 1.5)),
+        "below": BodyPose((0.05, 0.0, 1.1)),
+        "aside": BodyPose((1.0, 0.0, 1.1)),
     }
     lab = Laboratory(dict.fromkeys(start, model), start, windless)
     for name in start:
@@ -74,12 +74,10 @@ def test_vehicle_below_another_is_pushed_down_and_the_upper_one_not(kind: str) -
 
 
 def test_vehicle_that_stands_or_that_the_conditions_leave_alone_feels_none() -> None:
-    start = {"above": StartPose((0.0, 0.0, 1.5)), "below": StartPose((0.0, 0.0, 1.2))}
+    start = {"above": BodyPose((0.0, 0.0, 1.5)), "below": BodyPose((0.0, 0.0, 1.2))}
     lab = Laboratory(dict.fromkeys(start, COAXIAL), start, replace(IDEAL, coaxial_plant="helicopter"))
     lab.advance(0.1)
     assert lab.plants["below"].wake == STILL
-    lab = Laboratory(
-        dict.fromkeys(start, COAXIAL), {**start, "above": StartPose((0.0, 0.0, 0.0))}, HELICOPTER
-    )
+    lab = Laboratory(dict.fromkeys(start, COAXIAL), {**start, "above": BodyPose((0.0, 0.0, 0.0))}, HELICOPTER)
     lab.advance(0.1)
     assert lab.plants["below"].wake == STILL

@@ -21,7 +21,7 @@ from rcopterx.simulator.autopilot import (
     STREAM_BEFORE_S,
     EmulatedAutopilot,
 )
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 
 OFFBOARD = MODES["offboard"].reported
 ARM, MODE = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE
@@ -41,7 +41,7 @@ class Station:
         self.place()
 
     def place(self, height_m: float = 0.0, **angles_rad: float) -> None:
-        body: Any = SimpleNamespace(pose=StartPose((0.0, 0.0, height_m), **angles_rad))
+        body: Any = SimpleNamespace(pose=BodyPose((0.0, 0.0, height_m), **angles_rad))
         self.vehicle.sense(body)
 
     def send(self, message: Any) -> list[Any]:

@@ -35,7 +35,7 @@ from rcopterx.simulator.faults import (
     WrongMagic,
     YUp,
 )
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.tracker_faults import TrackerFaults
 from rcopterx.simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 
@@ -236,7 +236,7 @@ def test_positions_in_millimetres_are_a_thousand_times_as_large() -> None:
 
 
 def test_turned_object_has_another_heading_and_the_same_tilt() -> None:
-    tilted = StartPose((0.0, 0.0, 0.0), 0.3, 0.1, -0.2)
+    tilted = BodyPose((0.0, 0.0, 0.0), 0.3, 0.1, -0.2)
     active = faults()
     active.apply(TurnPose("h1", yaw_rad=1.0), 0.0)
     body = replace(H1, quaternion_xyzw=tilted.quaternion_xyzw)

@@ -14,7 +14,7 @@ from support.vehicle_types import COAXIAL
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
 from rcopterx.simulator.helicopter import Helicopter, Servo, helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters, Rotors
-from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW_RATE, YD_BODY, ZD_BODY
 
 CALM = replace(IDEAL, transport_delay_s=0.0, substep_s=0.004)
@@ -35,7 +35,7 @@ def flying(
     height_m: float = 50.0,
     yaw_rad: float = 0.3,
 ) -> Helicopter:
-    return Helicopter("h1", COAXIAL, conditions, 0, StartPose((0.0, 0.0, height_m), yaw_rad), parameters)
+    return Helicopter("h1", COAXIAL, conditions, 0, BodyPose((0.0, 0.0, height_m), yaw_rad), parameters)
 
 
 def test_trimmed_vehicle_hovers_with_the_identified_thrust() -> None:

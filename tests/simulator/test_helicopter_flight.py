@@ -14,7 +14,7 @@ from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_str
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_dynamics import Controls, airframe_of, step, swash_target
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import PlantFaults, StartPose, Wake
+from rcopterx.simulator.plant import BodyPose, PlantFaults, Wake
 from rcopterx.vehicles.state import U_THRUST
 
 WINDY = replace(
@@ -64,7 +64,7 @@ def test_flight_is_that_of_single_steps(
     rms: tuple[float, float, float, float], seed: int, height_m: float, thrust: float
 ) -> None:
     conditions = replace(WINDY, turbulence_rms=rms, volume_min_m=(-0.01, -0.01, 0.0))
-    plant = Helicopter("h1", COAXIAL, conditions, seed, StartPose((0.0, 0.0, height_m), 3.1), VEHICLE)
+    plant = Helicopter("h1", COAXIAL, conditions, seed, BodyPose((0.0, 0.0, height_m), 3.1), VEHICLE)
     plant.wake, plant.faults = Wake(0.3), PlantFaults(thrust_factor=thrust)
     plain = StepByStep(plant, conditions, seed)
     plant.set_input(STICKS)
@@ -88,7 +88,7 @@ def test_flight_is_that_of_single_steps(
 @given(yaw_rad=st.floats(-100.0, 100.0), yaw_stick=st.floats(-1.0, 1.0))
 def test_heading_is_unwrapped_over_any_number_of_turns(yaw_rad: float, yaw_stick: float) -> None:
     conditions = replace(WINDY, turbulence_rms=(0.0, 0.0, 0.0, 0.0))
-    plant = Helicopter("h1", COAXIAL, conditions, 0, StartPose((0.0, 0.0, 9.0), yaw_rad), VEHICLE)
+    plant = Helicopter("h1", COAXIAL, conditions, 0, BodyPose((0.0, 0.0, 9.0), yaw_rad), VEHICLE)
     plant.set_input((0.0, 0.0, 0.545, yaw_stick))
     turned_rad = []
     for _ in range(100):
@@ -96,7 +96,7 @@ def test_heading_is_unwrapped_over_any_number_of_turns(yaw_rad: float, yaw_stick
         plant.advance(0.01)
         turned_rad.append(plant.pose.yaw_rad - before_rad)
     assert np.abs(turned_rad).max() < 0.25
-    other = Helicopter("h1", COAXIAL, conditions, 0, StartPose((0.0, 0.0, 9.0), 0.0), VEHICLE)
+    other = Helicopter("h1", COAXIAL, conditions, 0, BodyPose((0.0, 0.0, 9.0), 0.0), VEHICLE)
     other.set_input((0.0, 0.0, 0.545, yaw_stick))
     other.advance(1.0)
     assert plant.pose.yaw_rad - yaw_rad == pytest.approx(other.pose.yaw_rad, abs=1e-2)

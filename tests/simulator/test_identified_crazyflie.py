@@ -16,7 +16,7 @@ from support.vehicle_types import CRAZYFLIE
 from rcopterx.simulator.conditions import ATTITUDE_PLANTS, CRAZYFLIES, IDEAL, Conditions
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Four
 from rcopterx_studies.experiments.knowledge import exact_crazyflie
@@ -32,7 +32,7 @@ def flying(
 ) -> CrazyfliePlant:
     """Vehicle at rest in the air, with motors that hold it."""
     plant = CrazyfliePlant(
-        "h1", exact_crazyflie(drone), conditions, 0, StartPose((0.0, 0.0, 9.0), yaw_rad), drone
+        "h1", exact_crazyflie(drone), conditions, 0, BodyPose((0.0, 0.0, 9.0), yaw_rad), drone
     )
     plant.set_input((0.0, 0.0, exact_crazyflie(drone).hover_thrust, 0.0))
     return plant
@@ -101,7 +101,7 @@ def test_every_identified_vehicle_hovers_at_rest_and_obeys_its_sticks(kind: str)
 
 
 def test_it_leaves_the_floor_when_its_thrust_exceeds_its_weight_and_comes_down_without_motors() -> None:
-    plant = CrazyfliePlant("h1", CRAZYFLIE, PROMPT, 0, StartPose((0.0, 0.0, 0.0), 1.0), DRONE)
+    plant = CrazyfliePlant("h1", CRAZYFLIE, PROMPT, 0, BodyPose((0.0, 0.0, 0.0), 1.0), DRONE)
     plant.set_input((0.5, 0.0, 0.95 * HOVER, 0.5))
     plant.advance(2.0)
     assert plant.on_floor
@@ -155,7 +155,7 @@ def test_vehicles_are_drawn_by_name_and_seed() -> None:
 
 
 def test_the_laboratory_flies_them_where_the_conditions_say_so() -> None:
-    start = {"h1": StartPose((0.0, 0.0, 1.0))}
+    start = {"h1": BodyPose((0.0, 0.0, 1.0))}
     plant = Laboratory({"h1": CRAZYFLIE}, start, CRAZYFLIES, 5).plants["h1"]
     assert isinstance(plant, CrazyfliePlant)
     assert plant.vehicle == crazyflie_of("h1", CRAZYFLIES, 5)

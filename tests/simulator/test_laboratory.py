@@ -11,12 +11,12 @@ from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 
 
 def laboratory(names: tuple[str, ...], seed: int = 0, conditions: Conditions = LABORATORY) -> Laboratory:
     models = dict.fromkeys(names, COAXIAL_LAG)
-    start = {name: StartPose((0.5 * i, 0.0, 1.0)) for i, name in enumerate(sorted(names))}
+    start = {name: BodyPose((0.5 * i, 0.0, 1.0)) for i, name in enumerate(sorted(names))}
     return Laboratory(models, start, conditions, seed)
 
 
@@ -32,7 +32,7 @@ def test_flight_of_one_vehicle_does_not_depend_on_the_others(seed: int) -> None:
 
 
 def test_the_same_inputs_lead_to_exactly_the_same_flight() -> None:
-    def fly() -> list[StartPose]:
+    def fly() -> list[BodyPose]:
         lab = laboratory(("h1", "h2"), 7)
         poses = []
         for _ in range(20):
@@ -56,7 +56,7 @@ def test_measured_poses_have_the_stated_noise() -> None:
 
 
 def test_measured_yaw_is_wrapped_and_ideal_measurement_is_exact() -> None:
-    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": StartPose((0.0, 0.0, 1.0), 3 * math.pi - 0.1)}, IDEAL)
+    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 1.0), 3 * math.pi - 0.1)}, IDEAL)
     assert lab.plants["h1"].pose.yaw_rad == pytest.approx(3 * math.pi - 0.1)
     assert lab.measured_pose("h1").yaw_rad == pytest.approx(math.pi - 0.1)
     assert lab.measured_pose("h1").position_m == lab.plants["h1"].pose.position_m
@@ -64,7 +64,7 @@ def test_measured_yaw_is_wrapped_and_ideal_measurement_is_exact() -> None:
 
 def test_turbulence_moves_a_hovering_vehicle_as_strongly_as_stated() -> None:
     calm = replace(IDEAL, turbulence_rms=LABORATORY.turbulence_rms)
-    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": StartPose((0.0, 0.0, 100.0))}, calm, 0)
+    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 100.0))}, calm, 0)
     lab.plants["h1"].set_input(COAXIAL_LAG.hover_input)
     speeds = []
     for _ in range(3000):
@@ -77,7 +77,7 @@ def test_turbulence_moves_a_hovering_vehicle_as_strongly_as_stated() -> None:
 
 
 def test_both_vehicle_types_fly_together() -> None:
-    lab = Laboratory(dict(TYPES), {name: StartPose((0.0, 0.0, 1.0)) for name in TYPES}, IDEAL)
+    lab = Laboratory(dict(TYPES), {name: BodyPose((0.0, 0.0, 1.0)) for name in TYPES}, IDEAL)
     for name, model in TYPES.items():
         lab.plants[name].set_input(model.hover_input)
     lab.advance(5.0)
@@ -86,6 +86,6 @@ def test_both_vehicle_types_fly_together() -> None:
 
 def test_unusable_requests_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="h2: each vehicle needs a model and a start pose"):
-        Laboratory({"h1": COAXIAL_LAG, "h2": COAXIAL_LAG}, {"h1": StartPose((0.0, 0.0, 1.0))}, IDEAL)
+        Laboratory({"h1": COAXIAL_LAG, "h2": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 1.0))}, IDEAL)
     with pytest.raises(ValueError, match="seed -1 is negative"):
         Laboratory({}, {}, IDEAL, -1)

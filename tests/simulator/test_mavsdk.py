@@ -15,13 +15,13 @@ from support.waiting import wait_for
 
 from rcopterx.radios.mavlink_settings import MavlinkSettings
 from rcopterx.simulator.autopilot import STREAM_BEFORE_S, EmulatedAutopilot
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 
 
 @pytest.fixture
 def vehicle() -> EmulatedAutopilot:
     vehicle = EmulatedAutopilot(MavlinkSettings(), time.monotonic())
-    body: Any = SimpleNamespace(pose=StartPose((0.0, 0.0, 0.0)))
+    body: Any = SimpleNamespace(pose=BodyPose((0.0, 0.0, 0.0)))
     vehicle.sense(body)
     return vehicle
 

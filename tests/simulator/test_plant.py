@@ -15,7 +15,7 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
-from rcopterx.simulator.plant import PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import ZD_BODY, Array
 
@@ -27,11 +27,11 @@ sticks = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.3, 0.8), st.f
 def flying(
     model: Model = COAXIAL_LAG, conditions: Conditions = PROMPT, height_m: float = 1.0
 ) -> FirstOrderPlant:
-    return FirstOrderPlant("h1", model, conditions, 0, StartPose((0.0, 0.0, height_m), 0.3))
+    return FirstOrderPlant("h1", model, conditions, 0, BodyPose((0.0, 0.0, height_m), 0.3))
 
 
 def standing(conditions: Conditions = PROMPT) -> FirstOrderPlant:
-    return FirstOrderPlant("h1", COAXIAL_LAG, conditions, 0, StartPose((0.0, 0.0, 0.0), 0.3))
+    return FirstOrderPlant("h1", COAXIAL_LAG, conditions, 0, BodyPose((0.0, 0.0, 0.0), 0.3))
 
 
 def fine_integration(model: Model, start: Array, actuator: Array, target: Array, duration_s: float) -> Array:
@@ -113,7 +113,7 @@ def test_inputs_of_a_vehicle_whose_sticks_act_late_take_effect_later_and_in_orde
 
 
 def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:
-    plant = FirstOrderPlant("h1", replace(COAXIAL_LAG, delay_s=0.03), IDEAL, 0, StartPose((0.0, 0.0, 1.0)))
+    plant = FirstOrderPlant("h1", replace(COAXIAL_LAG, delay_s=0.03), IDEAL, 0, BodyPose((0.0, 0.0, 1.0)))
     plant.set_input((1.0, 0.0, HOVER[2], 0.0))
     plant.advance(0.03)
     assert plant.motion[4] == 0.0
@@ -209,7 +209,7 @@ def test_battery_sag_takes_thrust_over_time() -> None:
 def test_parameters_are_drawn_within_the_stated_fractions() -> None:
     draws = []
     for seed in range(30):
-        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, StartPose((0.0, 0.0, 1.0)))
+        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, BodyPose((0.0, 0.0, 1.0)))
         draws.append(plant.model.b / COAXIAL_LAG.b - 1)
         assert np.all(np.abs(draws[-1]) <= 0.08)
         assert np.all(np.abs(plant.model.k - COAXIAL_LAG.k) <= 0.08 * np.abs(COAXIAL_LAG.k))
@@ -226,7 +226,7 @@ def test_ideal_specimen_is_the_model() -> None:
 
 def test_same_seed_repeats_the_flight_exactly_and_another_does_not() -> None:
     def flight(seed: int) -> tuple[float, ...]:
-        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, StartPose((0.0, 0.0, 1.0)))
+        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, BodyPose((0.0, 0.0, 1.0)))
         plant.advance(1.0)
         return plant.motion
 
@@ -268,7 +268,7 @@ def test_quadrotor_accelerates_to_the_left_by_the_roll_stick() -> None:
 
 @given(yaw=st.floats(-10, 10), pitch=st.floats(-1, 1), roll=st.floats(-1, 1))
 def test_quaternion_is_the_rotation_by_yaw_pitch_roll(yaw: float, pitch: float, roll: float) -> None:
-    quaternion = StartPose((0.0, 0.0, 0.0), yaw, pitch, roll).quaternion_xyzw
+    quaternion = BodyPose((0.0, 0.0, 0.0), yaw, pitch, roll).quaternion_xyzw
     expected = Rotation.from_euler("ZYX", [yaw, pitch, roll])
     assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-7
 
@@ -276,7 +276,7 @@ def test_quaternion_is_the_rotation_by_yaw_pitch_roll(yaw: float, pitch: float, 
 @settings(max_examples=20, deadline=None)
 @given(commands=st.lists(st.one_of(sticks, st.none()), min_size=1, max_size=20), seed=st.integers(0, 99))
 def test_flight_stays_finite_and_above_the_floor(commands: list[tuple[float, ...] | None], seed: int) -> None:
-    plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, StartPose((0.0, 0.0, 0.2)))
+    plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, BodyPose((0.0, 0.0, 0.2)))
     for command in commands:
         if command is None:
             plant.stop_motors()
@@ -297,4 +297,4 @@ def test_unusable_requests_are_refused() -> None:
     with pytest.raises(ValueError, match="h1: cannot advance by -1"):
         plant.advance(-1.0)
     with pytest.raises(ValueError, match="h1: cannot be placed at"):
-        plant.place(StartPose((0.0, 0.0, -0.1)))
+        plant.place(BodyPose((0.0, 0.0, -0.1)))

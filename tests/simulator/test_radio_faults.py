@@ -12,7 +12,7 @@ from rcopterx.radios.registry import create_protocol
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Plant, StartPose
+from rcopterx.simulator.plant import BodyPose, Plant
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_receiver import Receiver
@@ -26,7 +26,7 @@ def radio(path: Path, protocol: str) -> RadioPty:
 
 
 def plants_of(radios: dict[str, RadioPty]) -> dict[str, Plant]:
-    start = {name: StartPose((0.0, 0.0, 0.0)) for name in radios}
+    start = {name: BodyPose((0.0, 0.0, 0.0)) for name in radios}
     laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
     return {name: laboratory.plants[name] for name in start}
 

@@ -7,7 +7,7 @@ from support.vehicle_types import QUADROTOR
 from rcopterx.radios.calibration import ArmingChannel, Calibration, SwitchChannel
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.simulator.conditions import IDEAL
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.room import SimulatedRoom
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle
 
@@ -18,7 +18,7 @@ IDLE, LIFTING = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.8, 0.0)
 def test_a_flight_controller_runs_its_motors_only_when_armed_with_low_throttle(tmp_path: Path) -> None:
     protocol = MultiProtocol(MultiSettings(rx_num=3))
     radio = SimulatedRadio(protocol, 3)
-    start = StartPose((0.0, 0.0, 0.0))
+    start = BodyPose((0.0, 0.0, 0.0))
     vehicle = SimulatedVehicle("q1", "quad", QUADROTOR, start, str(tmp_path / "radio"), radio, SWITCHED)
     room = SimulatedRoom((vehicle,), IDEAL, 0, 0.0)
     now_s = 0.0

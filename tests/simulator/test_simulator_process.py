@@ -17,7 +17,7 @@ from rcopterx.radios.dsm2_serial import Dsm2Settings
 from rcopterx.radios.protocol import SerialLine
 from rcopterx.radios.registry import create_protocol
 from rcopterx.simulator.conditions import IDEAL
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.process import LONGEST_STEP_S, Simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 
@@ -56,7 +56,7 @@ class Bench:
         self.bus = Bus()
         self.protocol = create_protocol("dsm2_serial", Dsm2Settings(model=5), LINE)
         self.vehicle = SimulatedVehicle(
-            name="h1", subject="heli1", model=COAXIAL_LAG, start=StartPose((0.0, 0.0, 0.0)),
+            name="h1", subject="heli1", model=COAXIAL_LAG, start=BodyPose((0.0, 0.0, 0.0)),
             port=str(directory / "radio-h1"), radio=SimulatedRadio(self.protocol, 5),
             calibration=Calibration(),
         )  # fmt: skip

@@ -7,7 +7,7 @@ from support.vehicle_types import COAXIAL
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Plant, PlantFaults, StartPose
+from rcopterx.simulator.plant import BodyPose, Plant, PlantFaults
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 
 SOUND = PlantFaults()
@@ -15,7 +15,7 @@ SOUND = PlantFaults()
 
 @pytest.fixture
 def plants() -> dict[str, Plant]:
-    start = {name: StartPose((0.0, 0.0, 1.0)) for name in ("h1", "h2")}
+    start = {name: BodyPose((0.0, 0.0, 1.0)) for name in ("h1", "h2")}
     laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
     return {name: laboratory.plants[name] for name in start}
 

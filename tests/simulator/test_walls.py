@@ -15,7 +15,7 @@ from rcopterx.simulator.laboratory import (
     wake_in_room,
     wall_slope,
 )
-from rcopterx.simulator.plant import STILL, Plant, StartPose
+from rcopterx.simulator.plant import STILL, BodyPose, Plant
 from rcopterx.vehicles.tuples import Three
 
 LOW: Three = (-2.5, -2.5, -0.1)
@@ -26,7 +26,7 @@ NEAR_ROOM = replace(
 
 
 def flown(place_m: Three, conditions: Conditions, seconds: float = 0.2, stopped: bool = False) -> Plant:
-    laboratory = Laboratory({"h1": COAXIAL}, {"h1": StartPose(place_m)}, conditions)
+    laboratory = Laboratory({"h1": COAXIAL}, {"h1": BodyPose(place_m)}, conditions)
     if stopped:
         laboratory.plants["h1"].stop_motors()
         laboratory.advance(0.0)

@@ -12,7 +12,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from support.vehicle_types import COAXIAL_LAG
 from support.waiting import wait_for
 
@@ -31,7 +31,7 @@ class HoveringFlight:
             Guidance(),
         )
         self.tuning = Tuning(configuration, self.pilot, PERIOD_S)
-        self.laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": StartPose((0.0, 0.0, 1.0))}, LABORATORY, 4)
+        self.laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 1.0))}, LABORATORY, 4)
         self.frame = 0
         self.flown: list[ControlOutput] = []
         self._see()

@@ -18,7 +18,7 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.simulator.conditions import PRESETS
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -32,7 +32,7 @@ from rcopterx.transmitter_gateway.inputs import (
 
 SLEW = (20.0, 20.0, 4.0, 8.0)
 CONTROL_S = 0.02
-View = Callable[[], StartPose | None]
+View = Callable[[], BodyPose | None]
 
 FILE = """
 name = "takeoffs"
@@ -70,7 +70,7 @@ class TakeOffs:
         parts = {name: pilot_of(fleet, name) for name in types}
         self.pilots: dict[str, Pilot] = {name: pilot for name, (_, pilot) in parts.items()}
         models = {name: settings.model for name, (settings, _) in parts.items()}
-        starts = {name: StartPose((-0.5 + number, 0.1 * number, 0.0)) for number, name in enumerate(types)}
+        starts = {name: BodyPose((-0.5 + number, 0.1 * number, 0.0)) for number, name in enumerate(types)}
         self.laboratory = Laboratory(
             models, starts, replace(PRESETS[conditions], position_noise_m=position_noise_m), seed
         )
@@ -148,13 +148,13 @@ class TakeOffs:
             sequence = 0 if output.cause is None else output.cause.sequence
             self._applied[name].append((NAMES[output.state], sequence, np.array(output.u)))
 
-    def _pose_input(self, name: str, pose: StartPose | None) -> PoseInput:
+    def _pose_input(self, name: str, pose: BodyPose | None) -> PoseInput:
         if pose is None:
             return PoseInput(name, 1, self.frame, None, self.frame_s)
         tilt_rad = math.acos(math.cos(pose.pitch_rad) * math.cos(pose.roll_rad))
         return PoseInput(name, 1, self.frame, pose.position_m, self.frame_s, pose.yaw_rad, 0.0, tilt_rad)
 
-    def _observe(self, name: str, pose: StartPose | None) -> None:
+    def _observe(self, name: str, pose: BodyPose | None) -> None:
         pilot = self.pilots[name]
         for state, sequence, value in self._applied[name]:
             pilot.note_applied(state, sequence, value)

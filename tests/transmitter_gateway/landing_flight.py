@@ -12,7 +12,7 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Plant, StartPose
+from rcopterx.simulator.plant import BodyPose, Plant
 from rcopterx.transmitter_gateway.inputs import FLYING, Input, Position, State
 from rcopterx.transmitter_gateway.landing import LandingLaw
 from rcopterx.vehicles.model import Model
@@ -87,7 +87,7 @@ class Flight:
     def __init__(self, conditions: Conditions, seed: int, options: Options) -> None:
         self.options = options
         conditions = replace(conditions, transport_delay_s=POSE_TO_AIR_S)
-        start = StartPose((0.0, 0.0, options.height_m), options.yaw_rad)
+        start = BodyPose((0.0, 0.0, options.height_m), options.yaw_rad)
         self.laboratory = Laboratory({"h1": options.model}, {"h1": start}, conditions, seed)
         self.plant = self.laboratory.plants["h1"]
         limits = replace(

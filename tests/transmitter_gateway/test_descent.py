@@ -6,7 +6,7 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import Position, State
 from rcopterx.vehicles.state import U_THRUST, ZD_BODY
 
@@ -17,7 +17,7 @@ HOVER_S = 3.0
 def touchdown_m_s(seed: int, limits: ArbiterLimits) -> float:
     """Hover a simulated vehicle, then end its commands and poses; returns the speed at which it lands."""
     laboratory = Laboratory(
-        {"h1": COAXIAL_LAG}, {"h1": StartPose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed
+        {"h1": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed
     )
     plant = laboratory.plants["h1"]
     bench = Bench(limits)

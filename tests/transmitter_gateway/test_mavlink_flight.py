@@ -10,7 +10,7 @@ from firmware_bench import FirmwareBench
 from rcopterx.radios.mavlink import MavlinkProtocol
 from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import LAND, LOITER, LOSS_S, EmulatedAutopilot
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput, State
 
 OFFBOARD = MODES["offboard"].reported
@@ -37,7 +37,7 @@ class Bench(FirmwareBench):
 
     def live(self) -> None:
         height_m = 0.8 if self.motors_run else 0.0
-        body: Any = SimpleNamespace(pose=StartPose((0.0, 0.0, height_m), self.yaw_rad))
+        body: Any = SimpleNamespace(pose=BodyPose((0.0, 0.0, height_m), self.yaw_rad))
         self.vehicle.sense(body)
         super().live()
 

@@ -12,7 +12,7 @@ import pytest
 from rcopterx.radios.mavlink import MavlinkProtocol
 from rcopterx.radios.mavlink_settings import MavlinkSettings
 from rcopterx.simulator.autopilot import EmulatedAutopilot
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)
@@ -33,7 +33,7 @@ def line() -> Any:
 def test_an_autopilot_on_a_serial_line_is_armed(line: tuple[int, str]) -> None:
     master, name = line
     protocol, vehicle = MavlinkProtocol(MavlinkSettings(baud=115_200)), EmulatedAutopilot(MavlinkSettings())
-    body: Any = SimpleNamespace(pose=StartPose((0.0, 0.0, 0.0)))
+    body: Any = SimpleNamespace(pose=BodyPose((0.0, 0.0, 0.0)))
     vehicle.sense(body)
     port = SerialPort(name, protocol.line, call)
     for step in range(150):

@@ -13,7 +13,7 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import XD_BODY, Array, four
 from rcopterx_studies.arena.tasks import ArenaTask
 from rcopterx_studies.experiments.record import FlightRecord, rms, rms_and_max_mm
@@ -72,7 +72,7 @@ def fly_task(
     conditions = replace(conditions, turbulence_rms=rough, volume_min_m=room_m[0], volume_max_m=room_m[1])
     vehicles = []
     for name, place in task.starts_m.items():
-        vehicle = scheme.vehicle(name, StartPose(place), conditions, seed, task.links.get(name, ()))
+        vehicle = scheme.vehicle(name, BodyPose(place), conditions, seed, task.links.get(name, ()))
         # All schemes get the same references.
         vehicles.append(replace(vehicle, model=vehicle.model.within(*room_m), as_published=False))
     rig = Rig(vehicles, conditions, seed, task.options)

@@ -16,7 +16,7 @@ import numpy as np
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL_LAG, Knowledge, plant_type
@@ -91,7 +91,7 @@ def vehicles(
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
-        found.append(scheme.vehicle(name, StartPose((x, y, z), yaw), conditions, seed, following))
+        found.append(scheme.vehicle(name, BodyPose((x, y, z), yaw), conditions, seed, following))
     return found
 
 

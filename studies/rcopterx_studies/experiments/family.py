@@ -15,7 +15,7 @@ import numpy as np
 
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.experiments.events import FlyEvent, GoToEvent, PilotEvent
@@ -137,7 +137,7 @@ def fly_member(
     flown_s = starts[-1] + EIGHT.duration_s
     climbs_s = flown_s + programme.rest_s
     events += [FlyEvent(starts[-1], "h1", EIGHT), GoToEvent(climbs_s, "h1", CLIMB_M, 0.0)]
-    vehicle = scheme.vehicle("h1", StartPose(HOME_M), conditions, seed)
+    vehicle = scheme.vehicle("h1", BodyPose(HOME_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed, GUARDED)
     record = rig.fly(climbs_s + programme.slot_s, events, progress)["h1"]
     eight = (record.time_s >= starts[-1]) & (record.time_s < flown_s)

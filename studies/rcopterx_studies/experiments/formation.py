@@ -15,7 +15,7 @@ import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.experiments.events import FollowEvent, GoToEvent, PilotEvent
@@ -122,9 +122,9 @@ def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
 
 def formation(scheme: FlownScheme, conditions: Conditions, seed: int) -> list[RigVehicle]:
     """One leader and two followers in the air, a metre above the floor."""
-    leader = scheme.vehicle(LEADER, StartPose((0.0, 0.0, 1.0)), conditions, seed)
+    leader = scheme.vehicle(LEADER, BodyPose((0.0, 0.0, 1.0)), conditions, seed)
     followers = [
-        scheme.vehicle(name, StartPose((x, y, 1.0 + z)), conditions, seed, (following((x, y, z)),))
+        scheme.vehicle(name, BodyPose((x, y, 1.0 + z)), conditions, seed, (following((x, y, z)),))
         for name, (x, y, z) in NEAR.items()
     ]
     return [leader, *followers]

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import YAW, Array
 from rcopterx_studies.experiments.rig import SETTLED_S, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
@@ -32,7 +32,7 @@ def fly_hover(
     scheme: FlownScheme, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Array:
     """Hover; returns true errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4)."""
-    vehicle = scheme.vehicle("h1", StartPose(SET_POINT_M), conditions, seed)
+    vehicle = scheme.vehicle("h1", BodyPose(SET_POINT_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed)
     return rig.fly(flight_s, progress=progress)["h1"].reference_error(SETTLED_S)
 

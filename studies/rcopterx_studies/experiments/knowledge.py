@@ -25,7 +25,7 @@ from rcopterx.simulator.identified_crazyflie import (
     IdentifiedCrazyflie,
     crazyflie_of,
 )
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
@@ -161,7 +161,7 @@ def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: 
     Raises `NotIdentifiedError`: the excitation ended early.
     """
     estimator_settings, nominal = {"measured_tilt": measured_tilt}, plant_type(conditions)
-    vehicle = RigVehicle(name, nominal, StartPose(PLACE_M), "cascade", estimator_settings=estimator_settings)
+    vehicle = RigVehicle(name, nominal, BodyPose(PLACE_M), "cascade", estimator_settings=estimator_settings)
     rig = Rig([vehicle], conditions, seed)
     rig.fly(SETTLING_S)
     pilot, log = rig.pilots[name], rig.log(name)

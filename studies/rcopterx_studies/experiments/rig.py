@@ -39,7 +39,7 @@ from rcopterx.formation.profile_limits import profile_limits_of
 from rcopterx.radios.calibration import Calibration
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.events import PilotEvent, apply
@@ -70,7 +70,7 @@ class RigVehicle:
 
     name: str
     model: Model
-    start: StartPose
+    start: BodyPose
     controller: str
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)

@@ -6,7 +6,7 @@ from typing import Final
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx_studies.experiments.knowledge import Knowledge, known_model, plant_type
 from rcopterx_studies.experiments.rig import RigVehicle
 
@@ -33,7 +33,7 @@ class FlownScheme:
     def vehicle(
         self,
         name: str,
-        start: StartPose,
+        start: BodyPose,
         conditions: Conditions,
         seed: int,
         following: tuple[LeaderLink, ...] = (),

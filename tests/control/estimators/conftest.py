@@ -10,7 +10,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import LABORATORY, Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -27,7 +27,7 @@ class Flight:
         model: Model = COAXIAL_LAG,
         conditions: Conditions = LABORATORY,
         seed: int = 0,
-        start: StartPose | None = None,
+        start: BodyPose | None = None,
         frames_per_period: int = 1,
         settings: Mapping[str, object] | None = None,
     ) -> None:
@@ -36,7 +36,7 @@ class Flight:
         self.frame_s = PERIOD_S / frames_per_period
         self._frames = frames_per_period
         self.laboratory = Laboratory(
-            {"h1": model}, {"h1": start or StartPose((0.0, 0.0, 1.0))}, conditions, seed
+            {"h1": model}, {"h1": start or BodyPose((0.0, 0.0, 1.0))}, conditions, seed
         )
         self.estimator = ESTIMATORS.build(estimator, model, self.frame_s, settings or {})
         self.estimator.reset(self.measurement())

@@ -16,7 +16,7 @@ from rcopterx.control.estimators.finite_difference import FiniteDifferenceEstima
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 
 NewFlight = Callable[..., Any]
 every_estimator = pytest.mark.parametrize("name", ESTIMATORS.built_in)
@@ -90,7 +90,7 @@ def test_yaw_is_unwrapped_through_several_turns(new_flight: NewFlight, name: str
 
 @every_estimator
 def test_reset_on_the_way_keeps_the_count_of_turns(new_flight: NewFlight, name: str) -> None:
-    flight = new_flight(name, conditions=IDEAL, start=StartPose((0.0, 0.0, 1.0), math.pi - 0.01))
+    flight = new_flight(name, conditions=IDEAL, start=BodyPose((0.0, 0.0, 1.0), math.pi - 0.01))
     flight.set_point[3] = math.pi + 0.3
     flight.fly(3.0)
     flight.estimator.reset(flight.measurement())
@@ -204,7 +204,7 @@ def test_vehicle_that_was_really_moved_is_found_again_after_the_gate_limit(
 ) -> None:
     flight = new_flight(name, settings={"gate_limit_s": 0.2})
     flight.fly(1.0)
-    flight.laboratory.plants["h1"].place(StartPose((1.0, -1.0, 0.5), 2.0))
+    flight.laboratory.plants["h1"].place(BodyPose((1.0, -1.0, 0.5), 2.0))
     accepted = [flight.step() for _ in range(12)]
     assert accepted == [False] * 10 + [True] * 2
     assert (flight.estimator.rejected, flight.estimator.restarts) == (11, 1)

@@ -16,12 +16,12 @@ from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import IDEAL, LABORATORY
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import Array
 
 NewFlight = Callable[..., Any]
-ON_FLOOR = StartPose((0.2, -0.3, 0.0), 1.0)
+ON_FLOOR = BodyPose((0.2, -0.3, 0.0), 1.0)
 
 
 def stacked(estimate: Estimate) -> Array:
@@ -140,7 +140,7 @@ def test_landing_is_recognised_by_the_estimator_itself(new_flight: NewFlight) ->
 
 
 def test_free_fall_is_not_taken_for_standing(new_flight: NewFlight) -> None:
-    flight = new_flight(start=StartPose((0.0, 0.0, 2.5)))
+    flight = new_flight(start=BodyPose((0.0, 0.0, 2.5)))
     flight.set_point[2] = 2.5
     flight.fly(1.0)
     flight.motors_on = False
@@ -162,7 +162,7 @@ def test_vehicle_carried_to_its_place_by_hand_is_followed(new_flight: NewFlight)
     flight.fly(0.5)
     plant = flight.laboratory.plants["h1"]
     for i in range(100):
-        plant.place(StartPose((0.2 + 0.008 * i, -0.3, 0.0), 1.0))
+        plant.place(BodyPose((0.2 + 0.008 * i, -0.3, 0.0), 1.0))
         assert flight.step()
     flight.fly(1.0)
     assert np.all(np.abs(flight.error) < 0.01)

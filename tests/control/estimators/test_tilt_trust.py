@@ -14,7 +14,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array, heading_matrix
 
 PERIOD_S = 0.02
@@ -105,7 +105,7 @@ def fly(estimator: ExtendedKalmanEstimator, plant: Helicopter, seconds: float, l
 
 def test_a_vehicle_whose_tracker_reports_it_level_is_estimated_by_its_positions_meanwhile() -> None:
     calm = replace(IDEAL, transport_delay_s=0.0)
-    plant = Helicopter("h1", COAXIAL, calm, 0, StartPose((0.0, 0.0, 3.0)), HelicopterParameters.nominal(0.78))
+    plant = Helicopter("h1", COAXIAL, calm, 0, BodyPose((0.0, 0.0, 3.0)), HelicopterParameters.nominal(0.78))
     estimator = ExtendedKalmanEstimator(COAXIAL, PERIOD_S, ExtendedKalmanSettings())
     estimator.reset(Measurement(np.array([0.0, 0.0, 3.0]), 0.0, np.zeros(2)))
     exact = fly(estimator, plant, 4.0, level=False)

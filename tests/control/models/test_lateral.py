@@ -19,7 +19,7 @@ from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import heading_matrix
 
 PERIOD_S = 0.02
@@ -68,7 +68,7 @@ def test_a_vehicle_with_lags_has_no_lateral_system() -> None:
 def test_the_model_predicts_the_simulated_helicopter_of_its_size(yaw_rad: float) -> None:
     """Half a second of stick on the nonlinear plant: structure and signs agree, figures within a fifth."""
     plant = Helicopter(
-        "h1", COAXIAL, IDEAL, 0, StartPose((0.0, 0.0, 1.0), yaw_rad), HelicopterParameters.nominal(0.78)
+        "h1", COAXIAL, IDEAL, 0, BodyPose((0.0, 0.0, 1.0), yaw_rad), HelicopterParameters.nominal(0.78)
     )
     trim = np.array(plant.parameters.trim[:2])
     stick = np.array([0.2, -0.1])

@@ -7,7 +7,7 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTERS
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.rig import Rig, RigVehicle
 
@@ -19,7 +19,7 @@ FLIGHT_S = 23.0
 def late_hover(sag: float) -> tuple[Array, float]:
     """Root mean squares of x, y, z [m] in the last 11 s, and the mean thrust stick in them."""
     conditions = replace(HELICOPTERS, battery_sag=sag, battery_endurance_s=ENDURANCE_S)
-    rig = Rig([RigVehicle("h1", COAXIAL, StartPose((0.0, 0.0, 1.0)), "cascade")], conditions, seed=4)
+    rig = Rig([RigVehicle("h1", COAXIAL, BodyPose((0.0, 0.0, 1.0)), "cascade")], conditions, seed=4)
     flown = rig.fly(FLIGHT_S)["h1"]
     late = flown.time_s >= FLIGHT_S - 11.0
     errors = (flown.motion[:, :3] - flown.reference[:, :3])[late]

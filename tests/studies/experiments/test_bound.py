@@ -14,7 +14,7 @@ from rcopterx.command_line import app
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, Conditions
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import GRAVITY_M_S2, U_THRUST, Array
 from rcopterx_studies.experiments.bound import (
     STICKS,
@@ -44,7 +44,7 @@ def flown_by_regulator(feedback: Array, conditions: Conditions, duration_s: floa
     c[:2], c[2:, TILT] = system.c, 2.0 * np.eye(2)
     # With a delay of one period, what is unknown is the covariance of the prediction.
     gain = system.unknown @ c.T @ np.linalg.inv(c @ system.unknown @ c.T + np.diag(noise**2))
-    plant = Helicopter("h1", COAXIAL, conditions, 0, StartPose((0.0, 0.0, 1.0)), NOMINAL)
+    plant = Helicopter("h1", COAXIAL, conditions, 0, BodyPose((0.0, 0.0, 1.0)), NOMINAL)
     generator = np.random.default_rng(0)
     expected, sticks, places, moved = np.zeros(len(system.a)), np.zeros(2), [], []
     trim = np.array(NOMINAL.trim)
@@ -73,7 +73,7 @@ def test_the_simulated_helicopter_flies_at_the_bound_with_its_regulator() -> Non
 
 @pytest.mark.parametrize("seed", [100, 101])
 def test_no_exactly_known_vehicle_flies_better_than_the_bound_for_more_stick(seed: int) -> None:
-    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", StartPose((0.0, 0.0, 1.0)), HELICOPTERS, seed)
+    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", BodyPose((0.0, 0.0, 1.0)), HELICOPTERS, seed)
     flown = Rig([vehicle], HELICOPTERS, seed).fly(15.0)["h1"]
     assert rms(flown.inputs[flown.time_s >= 5.0, :U_THRUST]) < STICKS[0] < STICKS[1] == COAXIAL.input_max[0]
     assert 1e3 * rms(flown.reference_error(5.0)[:, :2]) > hover_mm(STICKS[0], HELICOPTERS, seed)
@@ -115,7 +115,7 @@ def test_a_follower_errs_more_than_a_vehicle_alone_unless_its_leader_rests() -> 
 def test_linear_motion_is_that_of_the_simulated_helicopter() -> None:
     still = replace(GUSTS, turbulence_rms=(0.0, 0.0, 0.0, 0.0), transport_delay_s=0.0)
     plant = Helicopter(
-        "h1", COAXIAL, still, 0, StartPose((0.0, 0.0, 1.0)), replace(NOMINAL, trim=(0.0, 0.0, 0.0, 0.0))
+        "h1", COAXIAL, still, 0, BodyPose((0.0, 0.0, 1.0)), replace(NOMINAL, trim=(0.0, 0.0, 0.0, 0.0))
     )
     plant.set_input((0.02, -0.01, GRAVITY_M_S2 / NOMINAL.thrust_gain_m_s2, 0.0))
     linear, x = continuous(NOMINAL), np.zeros(16)

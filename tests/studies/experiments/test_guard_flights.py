@@ -12,7 +12,7 @@ from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.faults import TimedFault
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import YAW_RATE
@@ -32,7 +32,7 @@ GAIN_A_FIFTH = replace(COAXIAL, input_gain=(0.4, 0.42, 18.0, 111.0), uncertainty
 def flown(
     model: Model, seed: int, seconds: float, events: Sequence[PilotEvent] = (), delay_s: float | None = None
 ) -> tuple[Rig, VehicleRecord]:
-    vehicle = RigVehicle("h1", model, StartPose((0.0, 0.0, 1.0)), "cascade", horizon=30)
+    vehicle = RigVehicle("h1", model, BodyPose((0.0, 0.0, 1.0)), "cascade", horizon=30)
     # The wait for radio frames, 11 ms on average, is part of the delay.
     wait_s = 0.5 * HELICOPTERS.radio_period_s
     fixed_s = None if delay_s is None else delay_s - wait_s

@@ -8,7 +8,7 @@ from support.vehicle_types import COAXIAL
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.simulator.conditions import HELICOPTERS
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle
 
 PLACES_M = {"h1": (0.3, 0.0, 0.8), "h2": (-0.3, 0.45, 0.8), "h3": (-0.3, -0.45, 0.8)}
@@ -37,7 +37,7 @@ def trio(seed: int) -> Rig:
         if name != "h1"
     }
     vehicles = [
-        RigVehicle(name, COAXIAL, StartPose(place), "cascade", horizon=30, following=links.get(name, ()))
+        RigVehicle(name, COAXIAL, BodyPose(place), "cascade", horizon=30, following=links.get(name, ()))
         for name, place in PLACES_M.items()
     ]
     return Rig(vehicles, HELICOPTERS, seed, RigOptions(avoid=True, guard=True, watch=True))

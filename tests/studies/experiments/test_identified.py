@@ -7,7 +7,7 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.knowledge import (
@@ -24,7 +24,7 @@ SEED = 2
 
 def hover_m(model: Model) -> Array:
     """Root mean squares of x, y, z in the last 12 s of 20."""
-    vehicle = RigVehicle("h1", model, StartPose((0.0, 0.0, 1.0)), "cascade", plant_type=COAXIAL)
+    vehicle = RigVehicle("h1", model, BodyPose((0.0, 0.0, 1.0)), "cascade", plant_type=COAXIAL)
     flown = Rig([vehicle], HELICOPTERS, SEED).fly(20.0)["h1"]
     errors = (flown.motion[:, :3] - flown.reference[:, :3])[flown.time_s >= 8.0]
     return np.sqrt(np.mean(errors**2, axis=0))

@@ -12,7 +12,7 @@ from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORA
 from rcopterx.simulator.conditions import IDENTIFIED as IDENTIFIED_CRAZYFLIES
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
-from rcopterx.simulator.plant import CALM, StartPose
+from rcopterx.simulator.plant import CALM, BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 from rcopterx.vehicles.state import YAW_RATE, heading_matrix
 from rcopterx_studies.experiments.knowledge import exact_crazyflie, exact_model, known_model
@@ -31,7 +31,7 @@ def test_exact_model_predicts_the_flight_of_a_drawn_helicopter(seed: int) -> Non
     model = exact_model(straight)
     assert model.tilt is not None
     calm = replace(IDEAL, transport_delay_s=0.0)
-    plant = Helicopter("h1", COAXIAL, calm, 0, StartPose((0.0, 0.0, 5.0)), straight)
+    plant = Helicopter("h1", COAXIAL, calm, 0, BodyPose((0.0, 0.0, 5.0)), straight)
     stick = np.array([0.1, -0.05])
     plant.set_input((*stick.tolist(), model.hover_input[2], 0.0))
 
@@ -55,7 +55,7 @@ def test_exact_model_predicts_how_thrust_and_yaw_stick_turn_a_drawn_helicopter(s
     drawn = replace(helicopter_of("h1", HELICOPTERS, seed), trim=(0.0, 0.0, 0.0, 0.0))
     model, calm = exact_model(drawn), replace(IDEAL, transport_delay_s=0.0)
     hover = model.hover_input
-    plant = Helicopter("h1", COAXIAL, calm, 0, StartPose((0.0, 0.0, 5.0)), drawn)
+    plant = Helicopter("h1", COAXIAL, calm, 0, BodyPose((0.0, 0.0, 5.0)), drawn)
     plant.set_input(tuple(hover.tolist()))
     plant.advance(1.0)
     predicted = Estimate(np.array(plant.motion), hover, np.zeros(4))
@@ -90,7 +90,7 @@ def test_exact_model_predicts_the_flight_of_a_drawn_crazyflie(seed: int) -> None
     drawn = replace(crazyflie_of("h1", CRAZYFLIES, seed), trim=CALM)
     model, calm = exact_crazyflie(drawn), replace(IDEAL, transport_delay_s=0.0)
     hover = model.hover_input
-    plant = CrazyfliePlant("h1", CRAZYFLIE, calm, 0, StartPose((0.0, 0.0, 5.0)), drawn)
+    plant = CrazyfliePlant("h1", CRAZYFLIE, calm, 0, BodyPose((0.0, 0.0, 5.0)), drawn)
     plant.set_input(tuple(hover.tolist()))
     plant.advance(1.0)
     predicted = Estimate(np.array(plant.motion), hover, np.zeros(4))
@@ -129,7 +129,7 @@ def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
     schemes = (CASCADE, replace(CASCADE, knowledge="exact"))
     states = []
     for scheme in schemes:
-        vehicle = replace(scheme, horizon=10).vehicle("h1", StartPose((0.0, 0.0, 1.0)), HELICOPTERS, 3)
+        vehicle = replace(scheme, horizon=10).vehicle("h1", BodyPose((0.0, 0.0, 1.0)), HELICOPTERS, 3)
         rig = Rig([vehicle], HELICOPTERS, 3)
         plant = rig.laboratory.plants["h1"]
         plant.set_input((0.3, 0.0, 0.5, 0.0))

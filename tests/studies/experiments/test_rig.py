@@ -10,7 +10,7 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
-from rcopterx.simulator.plant import StartPose
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.events import FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.network import PERFECT, LinkQuality
@@ -30,14 +30,14 @@ STEP = GoToEvent(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)
 
 def leader(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
-        "h1", COAXIAL_LAG, StartPose((0.0, 0.0, 1.0)), controller, settings, horizon=30,
+        "h1", COAXIAL_LAG, BodyPose((0.0, 0.0, 1.0)), controller, settings, horizon=30,
         as_published=controller == "paper",
     )  # fmt: skip
 
 
 def follower(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
-        "h2", COAXIAL_LAG, StartPose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
+        "h2", COAXIAL_LAG, BodyPose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
         following=(LeaderLink(leader="h1", offset_m=OFFSET_M),),
     )  # fmt: skip
 
@@ -159,7 +159,7 @@ def test_a_formation_of_four_headings_flies_as_one(frame: str, heading: float) -
     }
     where = places(links, {"h1": np.array([0.0, 0.0, 1.0, heading])})
     vehicles = [
-        replace(leader(), name=name, start=StartPose((x, y, z), yaw), following=links[name])
+        replace(leader(), name=name, start=BodyPose((x, y, z), yaw), following=links[name])
         for name, (x, y, z, yaw) in where.items()
     ]
     turn = GoToEvent(4.0, "h1", (0.5, 0.0, 1.0), heading + np.pi / 2)
@@ -179,7 +179,7 @@ def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> N
     third = replace(
         follower(),
         name="h3",
-        start=StartPose((-0.2, 0.0, 1.0)),
+        start=BodyPose((-0.2, 0.0, 1.0)),
         following=(
             LeaderLink(leader="h1", offset_m=(-0.3, 0.0, 0.0), frame="heading"),
             LeaderLink(leader="h2", offset_m=(0.2, -0.5, 0.0), weight=3.0),
@@ -231,7 +231,7 @@ def test_leaders_come_before_their_followers() -> None:
 
 @pytest.mark.parametrize("conditions", [HELICOPTER, HELICOPTERS])
 def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Conditions) -> None:
-    vehicle = RigVehicle("h1", COAXIAL_LAG, StartPose((0.0, 0.0, 1.0)), "pid", horizon=10)
+    vehicle = RigVehicle("h1", COAXIAL_LAG, BodyPose((0.0, 0.0, 1.0)), "pid", horizon=10)
     record = Rig([vehicle], conditions, 1).fly(12.0)["h1"]
     assert record.touchdowns == 0
     settled = record.motion[record.time_s > 6.0, :3] - (0.0, 0.0, 1.0)
@@ -242,7 +242,7 @@ def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Co
 def test_a_known_helicopter_is_within_five_centimetres_of_a_higher_place_after_1_1_s() -> None:
     """A step of 0.6 m with a climb of 0.8 m, without gusts; the climb alone takes 1.04 s."""
     calm = replace(HELICOPTER, turbulence_rms=(0.0,) * 4)
-    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", StartPose((0.0, 0.0, 1.0)), calm, 0)
+    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", BodyPose((0.0, 0.0, 1.0)), calm, 0)
     record = flown([vehicle], [GoToEvent(8.0, "h1", (0.6, 0.0, 1.8), 0.0)], 12.0, calm)["h1"]
     far = np.linalg.norm(record.motion[:, :3] - (0.6, 0.0, 1.8), axis=1) > 0.05
     assert record.time_s[far].max() < 8.0 + 1.1
