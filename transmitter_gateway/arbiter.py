@@ -63,7 +63,7 @@ class Arbiter:
         self._motion: Motion | None = None
         self._climb_m_s: float | None = None
         self._located = False
-        self._now_s = self._shaped_s = -math.inf
+        self._now_s = self._applied_s = -math.inf
         self._entered_s = self._landing_since_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
@@ -299,9 +299,9 @@ class Arbiter:
     def step(self, now_s: float, requested: Condition | None = None) -> ArbiterOutput:
         """Advance to `now_s`, change the state by the table, also as `requested`, and return the output."""
         acting = self._pass(now_s, requested)
-        elapsed_s = 0.0 if math.isinf(self._shaped_s) else self._now_s - self._shaped_s
-        self._shaped_s = self._now_s
-        self._shape(self._now_s, elapsed_s, acting)
+        elapsed_s = 0.0 if math.isinf(self._applied_s) else self._now_s - self._applied_s
+        self._applied_s = self._now_s
+        self._apply(self._now_s, elapsed_s, acting)
         return ArbiterOutput(
             self.state,
             self._limiter.u,
@@ -361,22 +361,22 @@ class Arbiter:
 
     # Output -------------------------------------------------------------------------------------------
 
-    def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
-        shaping, motion = self._limiter, self._motion
-        shaping.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
+    def _apply(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
+        limiter, motion = self._limiter, self._motion
+        limiter.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
             height_m = None
             if motion is not None and not acting.is_low(now_s, self.limits):
                 height_m = motion.position_m[2] - self._floor_m
-            shaping.play(played_input(acting.command, self._bridging_step), now_s, height_m)
+            limiter.play(played_input(acting.command, self._bridging_step), now_s, height_m)
         elif self.state is State.HOLD and self.lift_off.proved:
-            shaping.hold(motion, elapsed_s)
+            limiter.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:
-            shaping.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
+            limiter.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
         elif self.state in FLYING:
-            shaping.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)
+            limiter.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)
         else:
-            shaping.stop()
+            limiter.stop()
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""

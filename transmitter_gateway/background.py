@@ -21,7 +21,7 @@ def at_once(work: Callable[[], None]) -> None:
 
 
 def begin(start: Start, work: Callable[[], T]) -> Future[T]:
-    """Let `start` run `work`; return its future result. `RuntimeError`: no further thread is allowed."""
+    """Have `start` run `work`; return its future result. `RuntimeError`: no further thread is allowed."""
     result: Future[T] = Future()
     start(partial(_complete, result, work))
     return result

@@ -56,7 +56,7 @@ FOR_OPERATORS = {
 
 
 class CommandInput(Struct, frozen=True):
-    """A command as received, from the pose of `epoch` and `frame`; not trusted before admission."""
+    """A command as received, from the pose of `epoch` and `frame`; not trusted before it is validated."""
 
     lease: int
     epoch: int

@@ -1,4 +1,4 @@
-"""Surveillance of one vehicle with a virtual clock."""
+"""Pose monitor of one vehicle with a virtual clock."""
 
 from collections import Counter
 from typing import Any
@@ -13,11 +13,11 @@ QUIET = Judgement(None, None)
 
 
 class Watch:
-    """Surveillance of h1 with a virtual clock and poses at 100 Hz."""
+    """Pose monitor of h1 with a virtual clock and poses at 100 Hz."""
 
     def __init__(self, limits: SurveillanceLimits | None = None) -> None:
         self.counters: Counter[str] = Counter()
-        self.surveillance = PoseMonitor(limits or SurveillanceLimits(), self.counters)
+        self.monitor = PoseMonitor(limits or SurveillanceLimits(), self.counters)
         self.now_s = 50.0
         self.frame = 0
         self.epoch = 1
@@ -32,8 +32,8 @@ class Watch:
     ) -> bool:
         pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s, latency_s=latency_s)
         if vehicle != "h1":
-            return self.surveillance.other_pose(pose, self.now_s)
-        return self.surveillance.own_pose(pose, self.now_s, airborne=airborne)
+            return self.monitor.other_pose(pose, self.now_s)
+        return self.monitor.own_pose(pose, self.now_s, airborne=airborne)
 
     def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: Any) -> bool:
         self.now_s += seconds
@@ -41,9 +41,9 @@ class Watch:
         return self.pose(position, **options)
 
     def judge(self, thrust_time_s: float = 0.0) -> Judgement:
-        return self.surveillance.judge(self.now_s, thrust_time_s)
+        return self.monitor.judge(self.now_s, thrust_time_s)
 
     def velocity(self) -> Position:
-        track = self.surveillance.own_track
+        track = self.monitor.own_track
         assert track is not None
         return track.velocity_m_s

@@ -105,7 +105,7 @@ def test_shutdown_on_the_floor_cuts_from_every_flying_state(silence_s: float, st
     assert bench.state is State.CUT
 
 
-# Surveillance in the table --------------------------------------------------------------------------------
+# Pose monitor in the table --------------------------------------------------------------------------------
 
 
 def test_lost_tracking_holds_descends_and_cuts() -> None:

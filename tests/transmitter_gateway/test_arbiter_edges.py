@@ -203,7 +203,7 @@ def test_a_moment_of_low_thrust_in_flight_does_not_suspend_the_surveillance() ->
     assert clock.state is State.HOLD
 
 
-# Inputs of the surveillance -----------------------------------------------------------------------------
+# Inputs of the pose monitor -----------------------------------------------------------------------------
 
 
 def test_a_jump_of_the_own_pose_is_not_believed_in_flight() -> None:

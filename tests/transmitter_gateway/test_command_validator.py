@@ -19,17 +19,17 @@ from rcopterx.transmitter_gateway.inputs import CommandInput, PoseInput
 GOOD = CommandInput(1, epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),))
 
 
-def admission_of(limits: ArbiterLimits, counters: Counter[str]) -> CommandValidator:
-    """An admission that has issued the lease of `GOOD`."""
-    admission = CommandValidator(limits, counters)
-    assert admission.leases.bid(99, 0.0, fresh=False, take_over=False) == GOOD.lease
-    return admission
+def validator_of(limits: ArbiterLimits, counters: Counter[str]) -> CommandValidator:
+    """A validator that has issued the lease of `GOOD`."""
+    validator = CommandValidator(limits, counters)
+    assert validator.leases.bid(99, 0.0, fresh=False, take_over=False) == GOOD.lease
+    return validator
 
 
 class Gate:
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        self.admission = admission_of(ArbiterLimits(), self.counters)
+        self.validator = validator_of(ArbiterLimits(), self.counters)
 
     def consider(
         self,
@@ -42,7 +42,7 @@ class Gate:
         flying: bool = False,
         **changes: Any,
     ) -> Rejection | None:
-        return self.admission.consider(
+        return self.validator.consider(
             structs.replace(command, **changes),
             now_s,
             pose=None
@@ -56,8 +56,8 @@ class Gate:
 def test_a_good_command_is_accepted_and_kept() -> None:
     gate = Gate()
     assert gate.consider(period_s=0.025) is None
-    assert gate.admission.stream.command.period_s == 0.025
-    stream = gate.admission.stream
+    assert gate.validator.stream.command.period_s == 0.025
+    stream = gate.validator.stream
     assert stream.command.u == (0.1, -0.2, 0.5, 0.0)
     assert stream.command.next_u == ((0.0, 0.0, 0.5, 0.0),)
     assert stream.arrival_s == 1.0
@@ -100,7 +100,7 @@ def test_malformed_commands_are_rejected_and_counted(changes: dict[str, Any]) ->
     gate = Gate()
     assert gate.consider(**changes) is Rejection.MALFORMED
     assert gate.counters == {Rejection.MALFORMED: 1}
-    assert gate.admission.stream is None
+    assert gate.validator.stream is None
 
 
 def test_the_largest_count_is_accepted() -> None:
@@ -129,7 +129,7 @@ def test_values_a_little_outside_are_clamped_and_further_outside_rejected(
     u[place] = limit + outward * 0.0199
     gate = Gate()
     assert gate.consider(u=u, next_u=[u]) is None
-    command = gate.admission.stream.command
+    command = gate.validator.stream.command
     assert command.u[place] == limit
     assert command.next_u[0][place] == limit
     u[place] = limit + outward * 0.0201
@@ -148,7 +148,7 @@ def test_numbers_of_any_real_type_are_taken() -> None:
     gate = Gate()
     assert gate.consider(u=np.array([0.1, 0.2, 0.5, 0.0], dtype=np.float32), next_u=np.zeros((6, 4))) is None
     assert gate.consider(u=(0, Fraction(1, 4), 1, 0), sequence=11) is None
-    assert all(type(value) is float for value in gate.admission.stream.command.u)
+    assert all(type(value) is float for value in gate.validator.stream.command.u)
 
 
 NEARLY_RIGHT = st.sampled_from(
@@ -161,7 +161,7 @@ def test_whole_plans_are_judged_as_if_every_number_was_looked_at(plan: list[list
     at_once, one_by_one = Gate(), Gate()
     tuples = [tuple(values) for values in plan]
     assert at_once.consider(u=tuples[0], next_u=tuples[1:]) is one_by_one.consider(u=plan[0], next_u=plan[1:])
-    assert at_once.admission.stream == one_by_one.admission.stream
+    assert at_once.validator.stream == one_by_one.validator.stream
 
 
 def test_counting_may_start_at_zero() -> None:
@@ -171,9 +171,9 @@ def test_counting_may_start_at_zero() -> None:
 def test_values_exactly_at_the_tolerance_are_accepted() -> None:
     limits = ArbiterLimits(tolerance=0.25)
     for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
-        admission = admission_of(limits, Counter())
+        validator = validator_of(limits, Counter())
         assert (
-            admission.consider(
+            validator.consider(
                 structs.replace(GOOD, u=u), 1.0, pose=PoseInput("h1", 5, 100, None), flying=False
             )
             is None
@@ -182,10 +182,10 @@ def test_values_exactly_at_the_tolerance_are_accepted() -> None:
 
 def test_gap_exactly_at_the_limit_is_a_gap() -> None:
     gate = Gate()
-    gate.admission = admission_of(ArbiterLimits(hold_after_s=0.0625), gate.counters)
+    gate.validator = validator_of(ArbiterLimits(hold_after_s=0.0625), gate.counters)
     gate.consider(u=(0, 0, 0, 0))
     gate.consider(sequence=11, now_s=1.0625, u=(0, 0, 0, 0))
-    assert gate.admission.stream.low_since_s == 1.0625
+    assert gate.validator.stream.low_since_s == 1.0625
 
 
 def test_longest_plan_is_accepted() -> None:
@@ -210,7 +210,7 @@ def test_silence_lets_no_earlier_command_count() -> None:
 def test_a_later_lease_starts_a_new_count() -> None:
     gate = Gate()
     gate.consider(sequence=10**12)
-    lease = gate.admission.leases.bid(100, 1.0, fresh=True, take_over=True)
+    lease = gate.validator.leases.bid(100, 1.0, fresh=True, take_over=True)
     assert gate.consider(lease=lease, sequence=1) is None
     assert gate.consider(sequence=10**12 + 1) is Rejection.LEASE_LOST
     assert gate.consider(lease=lease, sequence=1) is Rejection.OLD_SEQUENCE
@@ -220,33 +220,33 @@ def test_agents_that_take_over_are_counted() -> None:
     gate = Gate()
     gate.consider()
     for expected in (1, 2):
-        lease = gate.admission.leases.bid(100 + expected, 1.0, fresh=True, take_over=True)
+        lease = gate.validator.leases.bid(100 + expected, 1.0, fresh=True, take_over=True)
         assert gate.consider(lease=lease) is None
         assert gate.consider(lease=lease, sequence=11) is None
         assert gate.counters == {"agents that took over": expected}
 
 
 def test_a_command_counts_until_it_is_late() -> None:
-    admission = admission_of(ArbiterLimits(hold_after_s=0.0625), Counter())
-    assert not admission.fresh(1.0)
-    assert not admission.thrust_wanted(1.0)
-    admission.consider(GOOD, 1.0, pose=None, flying=False)
+    validator = validator_of(ArbiterLimits(hold_after_s=0.0625), Counter())
+    assert not validator.fresh(1.0)
+    assert not validator.thrust_wanted(1.0)
+    validator.consider(GOOD, 1.0, pose=None, flying=False)
     for seconds, expected in ((0.0, True), (0.0624, True), (0.0625, False)):
-        assert admission.fresh(1.0 + seconds) is expected
-        assert admission.thrust_wanted(1.0 + seconds) is expected
+        assert validator.fresh(1.0 + seconds) is expected
+        assert validator.thrust_wanted(1.0 + seconds) is expected
 
 
 def test_thrust_is_wanted_above_the_low_thrust() -> None:
     for thrust, wanted in ((0.05, False), (0.051, True)):
         gate = Gate()
         gate.consider(u=(0.4, 0.4, thrust, 0.4))
-        assert gate.admission.thrust_wanted(1.0) is wanted
+        assert gate.validator.thrust_wanted(1.0) is wanted
 
 
 def test_a_command_that_is_refused_for_another_reason_does_not_take_over() -> None:
     gate = Gate()
     gate.consider()
-    lease = gate.admission.leases.bid(100, 1.0, fresh=True, take_over=True)
+    lease = gate.validator.leases.bid(100, 1.0, fresh=True, take_over=True)
     assert gate.consider(lease=lease, u=(9, 0, 0, 0)) is Rejection.OUT_OF_LIMITS
     assert gate.consider(lease=lease, epoch=6) is Rejection.UNKNOWN_EPOCH
     assert gate.consider(sequence=11) is None
@@ -255,10 +255,10 @@ def test_a_command_that_is_refused_for_another_reason_does_not_take_over() -> No
 def test_rejected_commands_do_not_refresh_the_stream() -> None:
     gate = Gate()
     gate.consider()
-    before = replace(gate.admission.stream)
+    before = replace(gate.validator.stream)
     for changes in ({"sequence": 10}, {"epoch": 4}, {"epoch": 6}, {"u": (9, 0, 0, 0)}, {"u": None}):
         assert gate.consider(now_s=1.5, flying=True, **{"sequence": 11, **changes}) is not None
-    assert gate.admission.stream == before
+    assert gate.validator.stream == before
     assert sum(gate.counters.values()) == 5
 
 
@@ -318,7 +318,7 @@ def test_command_computed_from_a_pose_far_from_the_newest_one_is_rejected(
 ) -> None:
     gate = Gate()
     assert gate.consider(pose_frame=pose_frame, latency_s=latency_s) is expected
-    assert (gate.admission.stream is not None) == (expected is None)
+    assert (gate.validator.stream is not None) == (expected is None)
 
 
 @pytest.mark.parametrize(("epoch_age_s", "expected"), [(0.19, None), (0.21, Rejection.OLDER_EPOCH)])
@@ -335,7 +335,7 @@ def test_commands_without_a_lease_that_was_issued_are_rejected() -> None:
     gate = Gate()
     assert gate.consider(lease=0) is Rejection.NO_LEASE
     assert gate.consider(lease=2) is Rejection.NO_LEASE
-    assert gate.admission.stream is None
+    assert gate.validator.stream is None
 
 
 def test_low_thrust_is_timed_from_its_first_command() -> None:
@@ -344,7 +344,7 @@ def test_low_thrust_is_timed_from_its_first_command() -> None:
         [(0.05, 1.0), (0.0, 1.0), (0.051, None), (0.05, 1.06), (0.0, 1.06)], start=11
     ):
         gate.consider(sequence=n, now_s=1.0 + (n - 11) * 0.02, u=(0, 0, thrust, 0))
-        low_since_s = gate.admission.stream.low_since_s
+        low_since_s = gate.validator.stream.low_since_s
         assert low_since_s == (None if expected is None else pytest.approx(expected))
 
 
@@ -353,7 +353,7 @@ def test_low_thrust_is_timed_anew_after_a_gap() -> None:
         gate = Gate()
         gate.consider(u=(0, 0, 0, 0))
         gate.consider(sequence=11, now_s=1.0 + gap_s, u=(0, 0, 0, 0))
-        assert gate.admission.stream.low_since_s == pytest.approx(expected)
+        assert gate.validator.stream.low_since_s == pytest.approx(expected)
 
 
 anything = st.one_of(
@@ -366,8 +366,8 @@ def test_no_content_whatever_raises_or_stores_bad_inputs(contents: list[tuple[An
     gate = Gate()
     for lease, epoch, sequence, frame, u, next_u, period_s in contents:
         command = CommandInput(lease, epoch, sequence, frame, u, next_u, period_s)
-        gate.admission.consider(command, 1.0, pose=None, flying=False)
-    stream = gate.admission.stream
+        gate.validator.consider(command, 1.0, pose=None, flying=False)
+    stream = gate.validator.stream
     if stream is not None:
         for u in (stream.command.u, *stream.command.next_u):
             limits = zip(u, ArbiterLimits().lower, ArbiterLimits().upper, strict=True)

@@ -11,7 +11,7 @@ from rcopterx.transmitter_gateway.pose_monitor import Judgement
 
 
 def epoch_of(watch: Watch) -> int | None:
-    newest = watch.surveillance.newest
+    newest = watch.monitor.newest
     return None if newest is None else newest.epoch
 
 
@@ -108,9 +108,9 @@ def test_tracking_limits_can_be_switched_off(
 
 def test_next_events_are_the_tracking_limits() -> None:
     watch = Watch()
-    assert watch.surveillance.next_event_s() == []
+    assert watch.monitor.next_event_s() == []
     watch.step()
-    assert watch.surveillance.next_event_s() == [watch.now_s + 0.1, watch.now_s + 0.3]
+    assert watch.monitor.next_event_s() == [watch.now_s + 0.1, watch.now_s + 0.3]
 
 
 # Which poses count --------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ def test_malformed_poses_are_counted_and_not_used(position: Position) -> None:
     watch = Watch()
     assert not watch.step(position)
     assert watch.counters["malformed pose"] == 1
-    assert watch.surveillance.newest is None
+    assert watch.monitor.newest is None
 
 
 def test_repeated_and_older_poses_do_not_refresh_the_tracking() -> None:

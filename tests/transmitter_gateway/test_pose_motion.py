@@ -23,7 +23,7 @@ def test_a_swapped_body_is_not_believed_and_brings_the_vehicle_down_for_good() -
     assert watch.judge().descend == "own pose jumped and did not come back"
     watch.step()
     assert watch.judge().descend == "own pose jumped and did not come back"
-    watch.surveillance.release()
+    watch.monitor.release()
     assert watch.judge() == QUIET
 
 

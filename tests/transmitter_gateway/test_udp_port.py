@@ -88,7 +88,7 @@ class NameService:
         self._waiting.append(work)
 
     @property
-    def asked(self) -> int:
+    def waiting(self) -> int:
         """Number of look-ups that wait."""
         return len(self._waiting)
 
@@ -142,7 +142,7 @@ def test_an_unknown_name_is_a_problem_and_is_looked_up_again(
     assert port.problem is not None
     assert "Name or service not known" in port.problem
     assert not port.service(LOOK_UP_S)
-    assert names.asked == 1
+    assert names.waiting == 1
     names.answer("127.0.0.1")
     assert not port.service(LOOK_UP_S + 2 * PROBE_S)
     assert vehicle.recvfrom(2048)[0]
