@@ -134,7 +134,7 @@ class RadioProtocol(ABC):
         same more slowly; `ForbiddenInFlightError`: `flags.bind` without `disarmed`, that is, without the
         knowledge that the vehicle does not fly.
         """
-        self._refuse(flags, disarmed)
+        self.check_flags(flags, disarmed=disarmed)
         return self._frame(self.check(pulses_us), flags)
 
     @abstractmethod
@@ -192,7 +192,8 @@ class RadioProtocol(ABC):
                 )
         return [*pulses_us, *([self.rest_us] * (self.channel_count - len(pulses_us)))]
 
-    def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:
+    def check_flags(self, flags: FrameFlags, *, disarmed: bool = False) -> None:
+        """Raise `ProtocolError` for a flag that the radio does not offer, or that is forbidden in flight."""
         if flags == NO_FLAGS:
             return
         for wish in ("bind", "range_check", "low_power"):

@@ -37,6 +37,14 @@ class LinkState(Enum):
     READY = "ready"
 
 
+class Link(Struct, frozen=True):
+    """Way to the vehicle, its module or what is wrong with it in words, and whether an arming lasts."""
+
+    state: LinkState
+    text: str
+    armed: bool | None  # see `ModuleStatus`
+
+
 class Action(StrEnum):
     """Kind of a request."""
 

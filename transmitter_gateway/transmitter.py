@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from msgspec import structs
 
-from rcopterx.radios.protocol import FrameFlags, ModuleStatus, ProtocolError
+from rcopterx.radios.protocol import FrameFlags, ModuleStatus
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.battery import BatteryWatch
 from rcopterx.transmitter_gateway.binding import Binding
@@ -25,6 +25,7 @@ from rcopterx.transmitter_gateway.inputs import (
     ArbiterOutput,
     CommandInput,
     LastApplied,
+    Link,
     LinkState,
     PoseInput,
     State,
@@ -58,8 +59,7 @@ class Transmitter:
         self._calibration = calibration
         self._arming: Arming | None = None
         self._low_power = settings.low_power
-        if settings.low_power and "low_power" not in protocol.offers:
-            raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
+        protocol.check_flags(FrameFlags(low_power=settings.low_power))
         prepare_channels(protocol, calibration, settings.limits)
         self.output = ArbiterOutput(State.DISARMED)  # newest decision
         self._pending = self._due_now = False
@@ -98,8 +98,7 @@ class Transmitter:
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
-        data = self.port.read_available(now_s)
-        if data:
+        if data := self.port.read_available(now_s):
             self.protocol.receive(data, now_s)
         self._decide_at_once()
 
@@ -183,8 +182,7 @@ class Transmitter:
             self._last = structs.replace(self._applied(), state=State.LAND, grounded=False)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf
-        last = self._last
-        if last is None:
+        if (last := self._last) is None:
             return
         if self.port.service(now_s):
             self._open_link(now_s)
@@ -241,9 +239,11 @@ class Transmitter:
         """Whether binding, a range check or a calibration blocks arming."""
         return self._binding.busy(now_s) or self._range_check or now_s < self._shown_until_s
 
-    def link(self, now_s: float) -> LinkState:
+    def link(self, now_s: float) -> Link:
         """Way to the vehicle."""
-        return self._link(self.protocol.status(now_s), now_s) if self.port.is_open else LinkState.LOST
+        module = self.protocol.status(now_s)
+        state = self._link(module, now_s) if self.port.is_open else LinkState.LOST
+        return Link(state, self._text(module, now_s), module.armed)
 
     def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
         """Way to the vehicle while the port is open."""
@@ -283,8 +283,7 @@ class Transmitter:
         self._judge_link(now_s)
         before, self.output = self.output, self.arbiter.step(now_s)
         changed = before.state is not self.output.state
-        next_planned = self.output.bridging_step > before.bridging_step
-        self._pending = self._pending or changed or next_planned
+        self._pending = self._pending or changed or self.output.bridging_step > before.bridging_step
         if self.port.is_open and now_s >= self._due_s():
             return self._write(now_s)
         return None
@@ -313,7 +312,6 @@ class Transmitter:
 
     def _write(self, now_s: float) -> Write:
         output = self.output
-        flying = output.state in FLYING
         pulses, arming = channels_of(self._calibration, output, self._arming, now_s)
         disarmed = output.state is State.DISARMED
         if disarmed and now_s < self._shown_until_s:
@@ -332,7 +330,7 @@ class Transmitter:
             self._written_u, self._written_s = output.u, now_s
             self._arming = arming
             self.protocol.frame_written(now_s)
-        if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
+        if self._shutdown and output.state not in FLYING and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
             last = self._low_frames == FAREWELL_FRAME and output.state is not State.KILLED
             if last and (frame := self.protocol.farewell()):
@@ -371,30 +369,26 @@ class Transmitter:
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
         state, problem = self.arbiter.state, None
-        voltage_v = self.protocol.voltage_v(now_s)
-        self.battery.observe(voltage_v, now_s, there=module.ready, flying=state in FLYING)
-        if state not in FLYING:
+        flying = state in FLYING
+        self.battery.observe(self.protocol.voltage_v(now_s), now_s, there=module.ready, flying=flying)
+        if not flying:
             self._returned_s = -math.inf
-        if not self.port.is_open and not (state in FLYING and now_s < self._too_late_s):
+        if not self.port.is_open and not (flying and now_s < self._too_late_s):
             problem = self.port.problem
-        doubtful = state is State.ARMED and now_s < self._returned_s + REPOWERED_S
-        if doubtful and self._on_floor:
+        if state is State.ARMED and now_s < self._returned_s + REPOWERED_S and self._on_floor:
             problem = "it may stand on the floor"
         link = self._link(module, now_s) if problem is None else LinkState.LOST
         self._ready = link is LinkState.READY
         if link is LinkState.UP and not self.busy(now_s):
-            problem = self.module_text(now_s)
+            problem = self._text(module, now_s)
         self.arbiter.link(link, problem)
 
-    def module_text(self, now_s: float) -> str:
+    def _text(self, module: ModuleStatus, now_s: float) -> str:
         """State of the module, or the problem of its port, for people."""
         if self.undecided:
             return "waiting for the own pose"
-        if self.port.problem is not None:
-            return self.port.problem
-        module = self.protocol.status(now_s)
-        if not module.ready:
-            return module.text
+        if not (self.port.is_open and module.ready):
+            return self.port.problem or module.text
         if self._searched(now_s):
             return "waiting until the receiver has found the radio"
         weak = self.battery.problem(flying=self.arbiter.state in FLYING)

@@ -69,7 +69,7 @@ class Workbench(AbstractContextManager["Workbench"]):
     def wait_ready(self, limit_s: float = 5.0) -> str:
         """Wait until the module is ready and return its text, or raise `WorkbenchError`."""
         if not self.run(limit_s, self._ready):
-            problem = self.transmitter.module_text(self._clock())
+            problem = self.transmitter.link(self._clock()).text
             hint = "; if it is a gateway, land the fleet and stop it first" if IN_USE in problem else ""
             raise WorkbenchError(f"{self.vehicle}: {problem}{hint}")
         return self.transmitter.protocol.status(self._clock()).text

@@ -90,7 +90,7 @@ class FirmwareBench:
 
     @property
     def module(self) -> str:
-        return self.transmitter.module_text(self.now_s)
+        return self.transmitter.link(self.now_s).text
 
     def live(self) -> None:
         """Do what the firmware does by itself."""

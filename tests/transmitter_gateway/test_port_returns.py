@@ -52,8 +52,8 @@ def test_port_that_is_away_is_shown_and_no_frame_counts_as_written(restart: Rest
     written_s = restart.page.last.written_s if restart.page.last is not None else None
     restart.run(0.3)
     assert restart.transmitter.arbiter.state is State.ARMED
-    assert restart.transmitter.link(restart.now_s) is LinkState.LOST
-    assert restart.transmitter.module_text(restart.now_s).startswith("cannot open")
+    assert restart.transmitter.link(restart.now_s).state is LinkState.LOST
+    assert restart.transmitter.link(restart.now_s).text.startswith("cannot open")
     assert restart.page.last is not None
     assert (restart.page.last.state, restart.page.last.written_s) == (State.ARMED, written_s)
 
@@ -100,7 +100,7 @@ def test_vehicle_that_lands_and_is_on_the_floor_when_its_port_returns_is_disarme
     assert restart.state is State.DISARMED
     assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
     # The status of its module is requested again.
-    assert restart.transmitter.link(restart.now_s) is LinkState.UP
+    assert restart.transmitter.link(restart.now_s).state is LinkState.UP
 
 
 def test_every_continued_flight_is_counted(restart: Restart) -> None:

@@ -210,7 +210,7 @@ def test_a_lost_page_leaves_the_radio_silent_until_the_vehicle_is_seen_and_lands
     restart.height_m = None
     restart.run(0.3)
     assert not restart.throttle_us()
-    assert restart.transmitter.module_text(restart.now_s) == "waiting for the own pose"
+    assert restart.transmitter.link(restart.now_s).text == "waiting for the own pose"
     restart.height_m = 0.8
     restart.run(0.2)
     assert restart.state is State.LAND

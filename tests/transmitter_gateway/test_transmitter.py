@@ -25,8 +25,8 @@ def test_frames_are_kept_alive_before_anybody_commands(bench: Bench) -> None:
     assert intervals(bench.frames) == pytest.approx([0.025] * (len(bench.frames) - 1), abs=1e-4)
     assert set(bench.received()) == {1100}
     assert bench.state is State.DISARMED
-    assert bench.transmitter.link(bench.now_s) is LinkState.READY
-    assert bench.transmitter.module_text(bench.now_s) == "module 1.3.4.72 ready, DSM 2 1F"
+    assert bench.transmitter.link(bench.now_s).state is LinkState.READY
+    assert bench.transmitter.link(bench.now_s).text == "module 1.3.4.72 ready, DSM 2 1F"
 
 
 def test_accepted_commands_are_written_on_arrival(bench: Bench) -> None:
@@ -153,9 +153,9 @@ def test_a_flight_controller_sees_its_arming_channel_off_before_it_can_be_armed(
     try:
         bench.run(5.5, IDLE)
         assert not bench.request(Action.ARM).accepted
-        text = bench.transmitter.module_text(bench.now_s)
+        text = bench.transmitter.link(bench.now_s).text
         assert text == "waiting until the receiver has found the radio"
-        assert bench.transmitter.link(bench.now_s) is LinkState.UP
+        assert bench.transmitter.link(bench.now_s).state is LinkState.UP
         bench.run(1.0, IDLE)
         assert bench.request(Action.ARM).accepted
     finally:
@@ -215,13 +215,13 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     bench.radio.unplug()
     bench.run(0.75)
     assert bench.state is State.DISARMED
-    assert bench.transmitter.link(bench.now_s) is LinkState.LOST
-    assert "h1" in bench.transmitter.module_text(bench.now_s)
+    assert bench.transmitter.link(bench.now_s).state is LinkState.LOST
+    assert "h1" in bench.transmitter.link(bench.now_s).text
     bench.radio.replug(bench.now_s)
     bench.received()
     bench.run(0.17, IDLE)
     assert bench.port.is_open
-    assert bench.transmitter.link(bench.now_s) is LinkState.UP
+    assert bench.transmitter.link(bench.now_s).state is LinkState.UP
     assert bench.request(Action.ARM).reason.startswith(
         "missing: commanded thrust low long enough; missing: transmitter ready: "
     )

@@ -36,7 +36,7 @@ def test_binding_ends_when_the_module_is_done_and_settles_for_5_s(bench: Bench) 
         assert bench.now_s < started_s + 7.5
     assert bench.now_s - started_s == pytest.approx(6.03, abs=0.6)
     assert receiver.model_match == 3
-    assert bench.transmitter.link(bench.now_s) is LinkState.UP
+    assert bench.transmitter.link(bench.now_s).state is LinkState.UP
     assert not bench.request(Action.ARM).accepted
     bench.run(0.1, IDLE)
     assert not bench.frames[-1].bind
