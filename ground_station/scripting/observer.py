@@ -208,7 +208,7 @@ class Observer:
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         found += [line for name in vehicles for line in self.state_of(name).problems()]
-        return list(dict.fromkeys(found))  # the place of one vehicle may speak against others
+        return list(dict.fromkeys(found))  # one vehicle may be a problem of several
 
     def notes(self) -> list[str]:
         """Notes that do not block take-off: subjects, recordings, hosts, failures in flight."""

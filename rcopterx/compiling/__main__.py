@@ -32,16 +32,12 @@ def main() -> int:
     print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
     start_s = time.monotonic()
     results = _compile_modules()
-    problems, not_kept = (
-        [each.problem for each in results if each.problem],
-        [each.not_kept for each in results],
-    )
-    if problems:
+    if problems := [each.problem for each in results if each.problem]:
         print(*problems, sep="\n", file=sys.stderr)
         return 1
     try:
-        if any(not_kept):
-            raise OSError(next(filter(None, not_kept)))
+        if not_kept := [each.not_kept for each in results if each.not_kept]:
+            raise OSError(not_kept[0])
         (path / COMPLETE).touch()
         remove_unused(path.parent, time.time())
     except OSError as error:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rcopterx_studies.faults.flying import FaultRange
 
 READY_S = 30.0  # for a fleet that has just been started
+ADD_UP = "it needs a fleet of its own: add --up"
 
 
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
@@ -45,24 +46,24 @@ class FleetHolder:
         self._options = options
         self._stack = ExitStack()
         self._range: FaultRange | None = None
-        self._own: Path | None = None
+        self._file: Path | None = None
         self.interrupts = Interrupts()
 
-    def fault_range(self, say: Callable[[str], None], own: Path | None = None) -> "FaultRange":
-        """The fleet of a file of its `own`, or the chosen one, ready to take off or in the air.
+    def fault_range(self, say: Callable[[str], None], file: Path | None = None) -> "FaultRange":
+        """The fleet of a file, by default the chosen one, ready to take off or in the air.
 
         `say` shows what happens from now on.
         """
         from rcopterx_studies.faults.bench import Bench, copied_fleet
         from rcopterx_studies.faults.flying import FaultRange
 
-        if own != self._own:
+        if file != self._file:
             self.close()
         if self._range is None:
-            self._own, options, path = own, self._options, None
+            self._file, options, path = file, self._options, None
             if options.start:
-                name = str(own or options.fleet or DEFAULT_FLEET)
-                path = self._stack.enter_context(copied_fleet(name, None if own else options.vehicles))
+                name = str(file or options.fleet or DEFAULT_FLEET)
+                path = self._stack.enter_context(copied_fleet(name, None if file else options.vehicles))
             fleet, self.interrupts = self._stack.enter_context(flown_fleet(options, str(path)))
             fleet.wait_ready(timeout_s=READY_S)
             self._range = FaultRange(Bench(fleet, say, fleet.wait, path))
@@ -137,9 +138,9 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
 
     say = Progress(head).say
     if row.fleet is not None and not holder.starts:
-        return not_flown(row, "it needs a fleet of its own: add --up")
+        return not_flown(row, ADD_UP)
     place = holder.fault_range(say, row.fleet)
-    reason = "it needs a fleet of its own: add --up" if place.fleet.launcher is None else None
+    reason = None if holder.starts else ADD_UP
     if place.fleet.file.clock.lockstep:
         reason = "it breaks processes, for which lockstep waits"
     if row.launched and reason is not None:

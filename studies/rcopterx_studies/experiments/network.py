@@ -24,7 +24,7 @@ class LinkQuality:
 PERFECT: Final = LinkQuality()
 
 
-class ReceivedPlan(NamedTuple, Generic[T]):
+class ReceivedMessage(NamedTuple, Generic[T]):
     """A message, and when it was sent."""
 
     message: T
@@ -37,8 +37,8 @@ class Network(Generic[T]):
     def __init__(self, quality: LinkQuality, names: Iterable[str], seed: int, kind: int) -> None:
         self._quality = quality
         self._random = {name: random_stream(seed, name, _STREAMS + kind) for name in names}
-        self._under_way: defaultdict[str, deque[tuple[str, ReceivedPlan[T]]]] = defaultdict(deque)
-        self._newest: defaultdict[str, dict[str, ReceivedPlan[T]]] = defaultdict(dict)
+        self._under_way: defaultdict[str, deque[tuple[str, ReceivedMessage[T]]]] = defaultdict(deque)
+        self._newest: defaultdict[str, dict[str, ReceivedMessage[T]]] = defaultdict(dict)
         # number and size of all messages
         self.sent = self.bytes = 0
 
@@ -49,9 +49,9 @@ class Network(Generic[T]):
         lost = self._random[sender].random(len(self._random)) < self._quality.loss
         for receiver, misses in zip(sorted(self._random), lost, strict=True):
             if receiver != sender and not misses:
-                self._under_way[receiver].append((sender, ReceivedPlan(message, now_s)))
+                self._under_way[receiver].append((sender, ReceivedMessage(message, now_s)))
 
-    def newest(self, receiver: str, now_s: float) -> Mapping[str, ReceivedPlan[T]]:
+    def newest(self, receiver: str, now_s: float) -> Mapping[str, ReceivedMessage[T]]:
         """Return the newest message of each sender that a vehicle has received."""
         arriving, newest = self._under_way[receiver], self._newest[receiver]
         while arriving and arriving[0][1].sent_s + self._quality.delay_s <= now_s + _TOLERANCE_S:

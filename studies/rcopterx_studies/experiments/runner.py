@@ -66,9 +66,8 @@ class Experiment(Generic[T]):
     cases: Callable[[Options], Cases[T]]  # what is flown with the given options
     # part of the JSON document about the flights of one case, by seed
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
-    draw: Callable[[FlightResult[T], Any], None] | None = (
-        None  # draws a result into an empty `matplotlib` figure
-    )
+    # draws a result into an empty `matplotlib` figure
+    draw: Callable[[FlightResult[T], Any], None] | None = None
     compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
     helicopters_only: bool = False  # whether it needs conditions with helicopters
 

@@ -123,7 +123,7 @@ class TakeOff:
 
     vehicle: str
     after_s: float | None  # from the request to take off to the fault; None: it begins before
-    named: str  # pattern of the words that name the cause
+    cause: str  # pattern of the lines that name the cause
 
 
 @dataclass(frozen=True)

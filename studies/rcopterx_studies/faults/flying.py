@@ -65,14 +65,14 @@ class FaultRange:
     def fly(self, row: FaultFlight) -> Report:
         """Fly a row; returns the report, also of one that ended early or that the laboratory refused."""
         try:
-            said: list[str] = []
+            reported: list[str] = []
             if row.take_off is None:
                 flown = self.observe(partial(self._fly, row), row.on_floor)
             else:
-                flown = self.observe(partial(attempt, self.bench, row, row.take_off, said), on_floor=True)
+                flown = self.observe(partial(attempt, self.bench, row, row.take_off, reported), on_floor=True)
         except FaultRefusedError as error:
             return not_flown(row, str(error))
-        return report_of(row, flown.seen, flown.problem, flown.seconds, flown.broken, said)
+        return report_of(row, flown.seen, flown.problem, flown.seconds, flown.broken, reported)
 
     def observe(self, fly: Callable[[], None], on_floor: bool = False) -> Observed:
         """Have all vehicles hover, or stand on the floor, and record while a function flies them."""

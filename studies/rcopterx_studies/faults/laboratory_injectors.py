@@ -13,7 +13,7 @@ from rcopterx_studies.faults.bench import Bench, Injector
 
 
 @dataclass(frozen=True)
-class InjectedFaults(Injector):
+class LaboratoryFault(Injector):
     """A fault of the laboratory, with names of vehicles also where it takes subjects.
 
     Without a duration it lasts until the flight is over.

@@ -125,13 +125,13 @@ def judged(
 def judged_take_off(
     seen: Mapping[str, SeenFlight],
     limits: PromisedLimits,
-    named: str,
-    said: Sequence[str],
+    cause: str,
+    reported: Sequence[str],
     broken: Sequence[str] = (),
 ) -> list[Check]:
-    """Checks of a take-off that a fault ends: nothing rises, and what people read names the cause.
+    """Checks of a take-off that a fault ends: nothing rises, and a line names the cause.
 
-    `named`: pattern of the words that do, in the lines `said`. `broken`: as in `judged`.
+    `cause`: pattern of such lines. `reported`: all lines that users see. `broken`: as in `judged`.
     """
     blind = [name for name, vehicle in seen.items() if vehicle.states < CHECKED_AT_LEAST]
     heights = {name: vehicle.highest_m for name, vehicle in seen.items()}
@@ -147,7 +147,7 @@ def judged_take_off(
             speeds,
         ),
         _check("the motors are off", set(ended.values()) <= OFF, ended),
-        _check("the cause is named", any(re.search(named, line) for line in said), list(said)),
+        _check("the cause is named", any(re.search(cause, line) for line in reported), list(reported)),
     ]
 
 

@@ -16,15 +16,15 @@ def report_of(
     problem: str | None,
     seconds: float,
     broken: Sequence[str] = (),
-    said: Sequence[str] = (),
+    reported: Sequence[str] = (),
 ) -> Report:
     """Report of a row that was flown; `problem` is what ended it early.
 
-    `broken` as in `judged`; `said` are the lines that people read about a take-off.
+    `broken` as in `judged`; `reported` are the lines that users see about a take-off.
     """
     checks: list[Check] = []
     if seen and row.take_off is not None:
-        checks = judged_take_off(seen, row.allowed, row.take_off.named, said, broken)
+        checks = judged_take_off(seen, row.allowed, row.take_off.cause, reported, broken)
     elif seen:
         checks = judged(row.promise, row.down, row.allowed, seen, broken)
     passed = problem is None and bool(checks) and all(check["passed"] for check in checks)

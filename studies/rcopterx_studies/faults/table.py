@@ -29,7 +29,7 @@ from rcopterx_studies.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx_studies.faults.laboratory_injectors import Draining, InjectedFaults
+from rcopterx_studies.faults.laboratory_injectors import Draining, LaboratoryFault
 from rcopterx_studies.faults.process_injectors import (
     DiesAtStart,
     Halting,
@@ -174,71 +174,71 @@ BUS_ROWS: Final = (
 BESIDE_M: Final = (0.5, 0.0, 0.0)
 POSE_ROWS: Final = (
     _survived(
-        "pose-occluded-60-ms", "h2 is not seen for 60 ms", InjectedFaults(Occlude("h2", duration_s=0.06))
+        "pose-occluded-60-ms", "h2 is not seen for 60 ms", LaboratoryFault(Occlude("h2", duration_s=0.06))
     ),
     _survived(
-        "pose-occluded-200-ms", "h2 is not seen for 0.2 s", InjectedFaults(Occlude("h2", duration_s=0.2))
+        "pose-occluded-200-ms", "h2 is not seen for 0.2 s", LaboratoryFault(Occlude("h2", duration_s=0.2))
     ),
-    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), InjectedFaults(Occlude("h2"))),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), LaboratoryFault(Occlude("h2"))),
     _survived(
         "tracker-frozen-200-ms",
         "The Tracker repeats a frame for 0.2 s",
-        InjectedFaults(Freeze(duration_s=0.2)),
+        LaboratoryFault(Freeze(duration_s=0.2)),
     ),
-    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, InjectedFaults(Freeze())),
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, LaboratoryFault(Freeze())),
     _open_loop(
-        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), InjectedFaults(FreezePose("h2"))
+        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), LaboratoryFault(FreezePose("h2"))
     ),
     _survived(
         "pose-jumps-100-ms",
         "h2 is shown 0.5 m beside its place for 0.1 s",
-        InjectedFaults(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
+        LaboratoryFault(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
     ),
     _open_loop(
         "pose-jumps",
         "h2 is shown 0.5 m beside its place",
         ("h2",),
-        InjectedFaults(DisplacePose("h2", offset_m=BESIDE_M)),
+        LaboratoryFault(DisplacePose("h2", offset_m=BESIDE_M)),
     ),
     _survived(
         "pose-swapped-60-ms",
         "h2 and h3 are taken for one another for 60 ms",
-        InjectedFaults(SwapSubjects("h2", other="h3", duration_s=0.06)),
+        LaboratoryFault(SwapSubjects("h2", other="h3", duration_s=0.06)),
     ),
     _open_loop(
         "pose-swapped",
         "h2 and h3 are taken for one another",
         BOTH,
-        InjectedFaults(SwapSubjects("h2", other="h3")),
+        LaboratoryFault(SwapSubjects("h2", other="h3")),
     ),
     FaultFlight(
         "pose-drifts",
         "The pose of h2 drifts by 30 mm/s for 3 s",
-        (InjectedFaults(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
+        (LaboratoryFault(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
     ),
     _survived(
         "pose-noise",
         "Noise of 2 mm on all positions",
-        InjectedFaults(AddNoise(deviation_m=0.002, duration_s=2.0)),
+        LaboratoryFault(AddNoise(deviation_m=0.002, duration_s=2.0)),
     ),
     FaultFlight(
         "tracker-half-rate",
         "The Tracker sends every second frame only",
-        (InjectedFaults(SkipFrames(one_of=2, duration_s=2.0)),),
+        (LaboratoryFault(SkipFrames(one_of=2, duration_s=2.0)),),
     ),
     _survived(
         "tracker-restarted-at-once",
         "The Tracker ends its connections and counts frames anew",
-        InjectedFaults(ResetFrameId()),
-        InjectedFaults(Reset()),
+        LaboratoryFault(ResetFrameId()),
+        LaboratoryFault(Reset()),
     ),
     _open_loop(
         "tracker-restarted",
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
         ALL,
-        InjectedFaults(Silence(duration_s=3.0)),
-        InjectedFaults(ResetFrameId()),
-        InjectedFaults(Reset()),
+        LaboratoryFault(Silence(duration_s=3.0)),
+        LaboratoryFault(ResetFrameId()),
+        LaboratoryFault(Reset()),
     ),
 )
 
@@ -247,7 +247,7 @@ RADIO_ROWS: Final = (
         FaultFlight(
             f"radio-{name}",
             title,
-            (InjectedFaults(BreakRadio("h2", condition=condition)),),
+            (LaboratoryFault(BreakRadio("h2", condition=condition)),),
             Promise.UNPROTECTED,
             ("h2",),
         )
@@ -260,7 +260,7 @@ RADIO_ROWS: Final = (
     _survived(
         "radio-adapter-0.2-s",
         "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
-        InjectedFaults(BreakRadio("h2", condition="adapter", duration_s=0.2)),
+        LaboratoryFault(BreakRadio("h2", condition="adapter", duration_s=0.2)),
     ),
 )
 
@@ -280,20 +280,20 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-dead",
         "The rotors of h2 stop",
-        InjectedFaults(BreakVehicle("h2", thrust_factor=0.0)),
+        LaboratoryFault(BreakVehicle("h2", thrust_factor=0.0)),
         promise=Promise.UNPROTECTED,
     ),
     FaultFlight(
         "vehicle-does-not-lift",
         "Take-off of h2 with three tenths of its thrust",
-        (InjectedFaults(BreakVehicle("h2", thrust_factor=0.3)),),
+        (LaboratoryFault(BreakVehicle("h2", thrust_factor=0.3)),),
         Promise.REFUSED,
         on_floor=True,
     ),
     _broken(
         "vehicle-weak",
         "h2 has only 0.65 of its thrust",
-        InjectedFaults(BreakVehicle("h2", thrust_factor=0.65)),
+        LaboratoryFault(BreakVehicle("h2", thrust_factor=0.65)),
         limits=WEAK,
     ),
     _broken(
@@ -305,26 +305,26 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
-        InjectedFaults(BreakVehicle("h2", reversed="pitch")),
+        LaboratoryFault(BreakVehicle("h2", reversed="pitch")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
-        InjectedFaults(BreakVehicle("h2", stuck="roll")),
+        LaboratoryFault(BreakVehicle("h2", stuck="roll")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-drifts",
         "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
-        InjectedFaults(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
-        InjectedFaults(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
+        LaboratoryFault(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
+        LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
         promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(
         "vehicle-trim",
         "The roll trim of h2 steps by 0.1",
-        (InjectedFaults(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
+        (LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
         limits=PromisedLimits(deviation_mm=250.0),
     ),
 )

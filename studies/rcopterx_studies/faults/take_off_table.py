@@ -20,7 +20,7 @@ from rcopterx.simulator.faults import (
     YUp,
 )
 from rcopterx_studies.faults.bench import FaultFlight, TakeOff
-from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
+from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.promise import Promise
 
 FLEET: Final = Path(__file__).with_name("types.toml")
@@ -50,7 +50,7 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
     ),
     "jumped": ("it is shown 0.5 m beside its place", lambda n: DisplacePose(n, (0.5, 0.0, 0.0)), POSE),
     "raised": ("it is shown 0.1 m higher", lambda n: DisplacePose(n, (0.0, 0.0, 0.1)), POSE),
-    "y-up": ("the stream has Y up and does not say so", lambda _: YUp(), "Y up|pose"),
+    "y-up": ("the stream has Y up and does not report it", lambda _: YUp(), "Y up|pose"),
     "millimetres": ("the stream is in millimetres", lambda _: Millimetres(), "millimetres|pose"),
     "occluded": ("it is not seen", Occlude, POSE),
     "tracker-frozen": ("the Tracker repeats a frame", lambda _: Freeze(), POSE + "|Tracker"),
@@ -77,7 +77,7 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
         "lift|battery",
     ),
 }
-"""What is wrong: in words, as a fault of a vehicle, and a pattern of the words that have to name it."""
+"""What is wrong: in words, as a fault of a vehicle, and the pattern of its cause."""
 
 
 def moments_of(kind: str) -> dict[str, tuple[str, float | None]]:
@@ -87,19 +87,19 @@ def moments_of(kind: str) -> dict[str, tuple[str, float | None]]:
 
 
 def _rows() -> Iterator[FaultFlight]:
-    for kind, (title, fault, named) in FAULTS.items():
+    for kind, (title, fault, cause) in FAULTS.items():
         for moment, (when, after_s) in moments_of(kind).items():
             for vehicle in BESIDE:
                 yield FaultFlight(
                     f"take-off-{kind}-{moment}-{vehicle}",
                     f"Take-off of {vehicle}: {title}, {when}",
-                    (InjectedFaults(fault(vehicle)),),
+                    (LaboratoryFault(fault(vehicle)),),
                     Promise.STAYS_DOWN,
                     page_row=(
                         f"take-off-{kind}-*",
                         f"Take-off of each type: {title}, from the floor on or later",
                     ),
-                    take_off=TakeOff(vehicle, after_s, named),
+                    take_off=TakeOff(vehicle, after_s, cause),
                     fleet=FLEET,
                 )
 

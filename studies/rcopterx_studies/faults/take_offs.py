@@ -17,22 +17,22 @@ RESTED_S: Final = 1.5  # after a fault, until a pose that jumped back counts as 
 FIT_S: Final = 15.0  # receivers search for a module that was away
 
 
-def attempt(bench: Bench, row: FaultFlight, take_off: TakeOff, said: list[str]) -> None:
-    """Take off with the faults of a row, and add to `said` what people read about it."""
+def attempt(bench: Bench, row: FaultFlight, take_off: TakeOff, reported: list[str]) -> None:
+    """Take off with the faults of a row, and add to `reported` the lines that users see."""
     fleet, name = bench.fleet, take_off.vehicle
     with ExitStack() as faults:
         if take_off.after_s is None:
             faults.enter_context(row.injected(bench))
             bench.wait(NOTICED_S)
-        said += fleet.problems([name])
+        reported += fleet.problems([name])
         try:
             # A problem blocks take-offs of the fleet; the arbiter has to refuse by itself as well.
-            fleet[name].arm() if said else fleet.arm([name])
+            fleet[name].arm() if reported else fleet.arm([name])
             fleet[name].take_off(HEIGHT_M)
         except StoppedError:
             raise
         except FLIGHT_ERRORS as error:
-            said += lines_of(error)
+            reported += lines_of(error)
         else:
             if take_off.after_s is not None:
                 bench.wait(take_off.after_s)
@@ -40,7 +40,7 @@ def attempt(bench: Bench, row: FaultFlight, take_off: TakeOff, said: list[str]) 
             bench.wait_for(lambda: _over(fleet, name), OVER_S)
         bench.wait(AFTERWARDS_S)
         state = fleet.state_of(name)
-        said += [*fleet.problems([name]), *fleet.notes(), state.reason]
+        reported += [*fleet.problems([name]), *fleet.notes(), state.reason]
 
 
 def _over(fleet: Fleet, name: str) -> bool:
@@ -49,7 +49,7 @@ def _over(fleet: Fleet, name: str) -> bool:
 
 
 def fit_again(bench: Bench) -> bool:
-    """Land, clear what only people clear, and return whether all vehicles can take off."""
+    """Land, reset kills, and return whether all vehicles can take off."""
     fleet = bench.fleet
     try:
         fleet.land()

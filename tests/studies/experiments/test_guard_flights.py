@@ -19,7 +19,7 @@ from rcopterx.vehicles.state import YAW_RATE
 from rcopterx_studies.experiments.events import FlyEvent, GoToEvent, PilotEvent
 from rcopterx_studies.experiments.record import VehicleRecord
 from rcopterx_studies.experiments.rig import GUARDED, Rig, RigVehicle
-from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
+from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.promise import REASON
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
@@ -57,7 +57,7 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
 
 def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
     row, file = FAULT_FLIGHTS["vehicle-drifts"], load_fleet(fleet_path("trio"))
-    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, InjectedFaults)]
+    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, LaboratoryFault)]
     rig, _ = flown(COAXIAL, 0, 2.0)
     guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
     faults = VehicleFaults({"h2": plant}, {})

@@ -68,7 +68,7 @@ LIMITS_OF_STANDING = LIMITS[Promise.STAYS_DOWN]
 
 
 @pytest.mark.parametrize(
-    ("seen", "said", "broken"),
+    ("seen", "line", "broken"),
     [
         (STOOD, "h1: its pose is frozen", []),
         (replace(STOOD, touchdown_m_s=0.9, ended="cut"), "frozen", []),
@@ -80,9 +80,9 @@ LIMITS_OF_STANDING = LIMITS[Promise.STAYS_DOWN]
     ],
 )
 def test_take_off_with_a_fault_ends_on_the_floor_and_names_the_cause(
-    seen: SeenFlight, said: str, broken: list[str]
+    seen: SeenFlight, line: str, broken: list[str]
 ) -> None:
-    checks = judged_take_off({"h1": seen, "h2": STOOD}, LIMITS_OF_STANDING, "frozen|repeat", ["fine", said])
+    checks = judged_take_off({"h1": seen, "h2": STOOD}, LIMITS_OF_STANDING, "frozen|repeat", ["fine", line])
     assert [check["name"] for check in checks if not check["passed"]] == broken
     assert outcome(Promise.STAYS_DOWN, {"h1": seen}) == f"at most {seen.highest_m:.2f} m high"
 

@@ -10,7 +10,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.acceptance.flight import DEFAULT_FLEET
 from rcopterx.simulator.faults import FreezePose, Occlude, TimedFault, injected_faults, timed_faults
 from rcopterx_studies.faults.bench import FaultFlight
-from rcopterx_studies.faults.laboratory_injectors import InjectedFaults
+from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
 from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
@@ -68,7 +68,7 @@ def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> None:
     fleet = fleet_of(row)
-    lines = [TimedFault(0.0, fault.of(fleet)) for fault in row.faults if isinstance(fault, InjectedFaults)]
+    lines = [TimedFault(0.0, fault.of(fleet)) for fault in row.faults if isinstance(fault, LaboratoryFault)]
     assert timed_faults(injected_faults(lines)) == tuple(lines)
     subjects = {vehicle.subject for vehicle in fleet.vehicles.values()}
     assert {line.fault.subject for line in lines if isinstance(line.fault, Occlude | FreezePose)} <= subjects
