@@ -160,9 +160,8 @@ def test_somebody_far_away_changes_nothing() -> None:
 
 @pytest.mark.parametrize("solver", ["riccati", "osqp"])
 def test_the_first_stick_brakes_before_an_obstacle_however_heavy_its_separation(solver: str) -> None:
-    controller = CascadeController(
-        COAXIAL_LAG, PERIOD_S, CascadeSettings(horizon=40, solver=solver, separation_weight=1e8)
-    )
+    settings = CascadeSettings(horizon=40, solver=solver, separation_weight=1e8, time_limit_s=1.0)
+    controller = CascadeController(COAXIAL_LAG, PERIOD_S, settings)
     motion = np.array([0, 0, 1.0, 0, 0.6, 0, 0, 0])
     estimate = Estimate(motion, COAXIAL_LAG.hover_input.copy(), np.zeros(4))
     controller.reset(estimate, COAXIAL_LAG.hover_input)
