@@ -25,7 +25,7 @@ from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.separation.avoidance import NeighbourPlan, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator
-from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.trajectory import POSE, Trajectory
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.phases import EVENT_OF_STATE, Event, Phase
@@ -257,7 +257,7 @@ class Pilot:
         step = self.step_guard.step(estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
-        self.plan, self.reference = step.plan, reference.samples[0, :4]
+        self.plan, self.reference = step.plan, reference.samples[0, POSE]
         inputs = self._transfer.smoothed(step.inputs[: self._bridged_rows], last_input, period_s)
         if self.exciter.under_way:
             added = self.exciter.added(inputs, time_s, period_s)

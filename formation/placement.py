@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink
+from rcopterx.control.references.trajectory import POSE
 from rcopterx.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
@@ -113,7 +114,7 @@ def move_problem(
     other leaders, shape (4,). `unrelated`: places of others to keep clear of, x y z first. Vehicles that
     avoid each other's plans are not among them: they may be sent to each other's places.
     """
-    where = places({**links, name: ()}, {**heads, name: samples[:, :4]})
+    where = places({**links, name: ()}, {**heads, name: samples[:, POSE]})
     problem = _leaving(followers(links, name), where, room)
     if problem is not None:
         return problem

@@ -18,6 +18,7 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from rcopterx.bus.session import Incoming
+from rcopterx.control.references.trajectory import POSE
 from rcopterx.formation.placement import Room, offset_problem, place_problem
 from rcopterx.formation.topology import ancestors, formation_of, in_words, line_between
 from rcopterx.vehicles.phases import Phase
@@ -320,7 +321,7 @@ class LeaderChanges:
             plan = self.plans.newest(link.leader)
             if link.leader not in links and plan is not None:
                 # Its plan has arrived, its status has not: the end of the plan is its place.
-                heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
+                heads[link.leader] = plan.trajectory.to_numpy()[-1, POSE].copy()
                 links = {**links, link.leader: ()}
         return place_problem(self.vehicle, following, links, heads, self.room)
 

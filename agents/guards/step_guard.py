@@ -27,7 +27,7 @@ from rcopterx.control.interfaces import (
 from rcopterx.control.models.prediction import is_finite
 from rcopterx.control.models.roll_out import predict
 from rcopterx.control.plugins import is_built_in
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory, hold
+from rcopterx.control.references.trajectory import COLUMNS, POSE, POSITION, Trajectory, hold
 from rcopterx.control.solver.fallback import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
@@ -171,7 +171,7 @@ class StepGuard:
             self._reference = reference
         else:
             known = self._reference
-            place = np.nan_to_num(estimate.motion[:4]) if known is None else known.samples[-1, :4]
+            place = np.nan_to_num(estimate.motion[:4]) if known is None else known.samples[-1, POSE]
             period_s, horizon = self.controller.period_s, self.controller.horizon
             reference = hold(place[POSITION], float(place[YAW]), period_s, horizon)
         periods, self._left_out = 1 + self._left_out, 0
@@ -233,7 +233,7 @@ class StepGuard:
         """Return the inputs of a plain feedback law, or those that carry a vehicle of unknown motion."""
         inputs = np.tile(self.model.hover_input, (self.controller.horizon - 1, 1))
         if task.known:
-            inputs[0] = hovering_input(self.model, task.estimate.motion, task.reference.samples[0, :4])
+            inputs[0] = hovering_input(self.model, task.estimate.motion, task.reference.samples[0, POSE])
         else:
             inputs[:, U_THRUST] = self.model.hover_thrust
         inputs = np.clip(inputs, self.model.u_min, self.model.u_max)

@@ -26,7 +26,7 @@ from rcopterx.control.controllers.settings import (
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.models.prediction import behind_gyro, derivative
 from rcopterx.control.models.roll_out import lag_poles, predict
-from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.trajectory import X_RATE, Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix, turned_about_z
 
@@ -101,7 +101,7 @@ class FeedbackController(BaseController):
         to_body = heading_matrix(float(motion[YAW])).T
         error = motion - sample[:MOTION_SIZE]
         error[:2] = to_body @ error[:2]
-        error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[4:6]
+        error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[X_RATE : X_RATE + 2]
         return np.clip(error, -self._error_cap, self._error_cap)
 
 

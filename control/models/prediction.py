@@ -19,7 +19,11 @@ from rcopterx.vehicles.state import (
     YAW,
     YAW_RATE,
     YD_BODY,
+    ZD_BODY,
     Array,
+    X,
+    Y,
+    Z,
     turned_about_z,
 )
 
@@ -90,15 +94,15 @@ def _stabilized(
 def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: Array) -> Array:
     """Return the rates of the motion state by equation (1), shape (8,)."""
     c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
-    xd, yd, zd, yaw_rate = motion[4], motion[5], motion[6], motion[7]
-    rates = np.empty(8)
-    rates[0], rates[1], rates[2], rates[3] = c * xd - s * yd, s * xd + c * yd, zd, yaw_rate
+    xd, yd, zd, yaw_rate = motion[XD_BODY], motion[YD_BODY], motion[ZD_BODY], motion[YAW_RATE]
+    rates = np.empty(MOTION_SIZE)
+    rates[X], rates[Y], rates[Z], rates[YAW] = c * xd - s * yd, s * xd + c * yd, zd, yaw_rate
     for axis in range(4):
-        drag = model.damping[axis] * motion[4 + axis]
-        rates[4 + axis] = model.input_gain[axis] * actuator[axis] + disturbance[axis] + drag
-    rates[4] += yaw_rate * yd
-    rates[5] -= yaw_rate * xd
-    rates[6] -= model.gravity_m_s2
+        drag = model.damping[axis] * motion[XD_BODY + axis]
+        rates[XD_BODY + axis] = model.input_gain[axis] * actuator[axis] + disturbance[axis] + drag
+    rates[XD_BODY] += yaw_rate * yd
+    rates[YD_BODY] -= yaw_rate * xd
+    rates[ZD_BODY] -= model.gravity_m_s2
     return rates
 
 

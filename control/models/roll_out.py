@@ -12,15 +12,10 @@ import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, NUMBER, compiled
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.prediction import (
-    ESTIMATE,
-    MOTION_MODEL,
-    behind_gyro,
-    derivative,
-)
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory
+from rcopterx.control.models.prediction import ESTIMATE, MOTION_MODEL, behind_gyro, derivative
+from rcopterx.control.references.trajectory import COLUMNS, X_ACCELERATION, X_RATE, Trajectory
 from rcopterx.vehicles.model import Model, MotionModel
-from rcopterx.vehicles.state import YAW, YAW_RATE, Array
+from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array
 
 
 def lag_poles(model: Model, period_s: float) -> Array:
@@ -47,20 +42,20 @@ def _roll_out(model: MotionModel, estimate: Estimate, inputs: Array, poles: Arra
         middle_rad = motion[YAW] + 0.5 * period_s * motion[YAW_RATE]
         c, s = math.cos(middle_rad), math.sin(middle_rad)
         before = velocity.copy()
-        velocity[0] = c * motion[4] - s * motion[5]
-        velocity[1] = s * motion[4] + c * motion[5]
-        velocity[2], velocity[3] = motion[6], motion[7]
+        velocity[0] = c * motion[XD_BODY] - s * motion[YD_BODY]
+        velocity[1] = s * motion[XD_BODY] + c * motion[YD_BODY]
+        velocity[2], velocity[3] = motion[ZD_BODY], motion[YAW_RATE]
         if stage > 0:
             for axis in range(4):
-                samples[stage - 1, 8 + axis] = (velocity[axis] - before[axis]) / period_s
+                samples[stage - 1, X_ACCELERATION + axis] = (velocity[axis] - before[axis]) / period_s
         if stage == stages:
             break
         rates = derivative(model, motion, actuator, disturbance)
         # The last input lasts.
         followed = behind_gyro(model, inputs[min(stage, stages - 2)], actuator, motion[YAW_RATE])
         for axis in range(4):
-            samples[stage, axis], samples[stage, 4 + axis] = motion[axis], velocity[axis]
+            samples[stage, axis], samples[stage, X_RATE + axis] = motion[axis], velocity[axis]
             actuator[axis] = poles[axis] * actuator[axis] + (1.0 - poles[axis]) * followed[axis]
             motion[axis] += period_s * velocity[axis]
-            motion[4 + axis] += period_s * rates[4 + axis]
+            motion[XD_BODY + axis] += period_s * rates[XD_BODY + axis]
     return samples

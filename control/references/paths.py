@@ -12,7 +12,17 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
-from rcopterx.control.references.trajectory import COLUMNS, YAW, nearest_heading, whole_turns
+from rcopterx.control.references.trajectory import (
+    ACCELERATIONS,
+    COLUMNS,
+    POSITION,
+    RATES,
+    VELOCITY,
+    X_RATE,
+    YAW,
+    nearest_heading,
+    whole_turns,
+)
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
@@ -52,7 +62,7 @@ class FlightPath:
         span = (after[:, 0] - before[:, 0])[:, None]
         s = (time - before[:, 0])[:, None] / span
         samples = quintic(before[:, 1:], after[:, 1:], span, s)
-        samples[(at_s < 0.0) | (at_s > self.duration_s), 4:] = 0.0
+        samples[(at_s < 0.0) | (at_s > self.duration_s), X_RATE:] = 0.0
         return samples
 
 
@@ -66,10 +76,10 @@ def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
 
 def run_in_time_s(path: FlightPath, present: Array) -> float:
     """Return the time of a smooth way from the present reference, shape (12,), to the start of a path."""
-    first = path.knots[0, 1:5]
-    way_m = float(np.linalg.norm(first[:3] - present[:3]))
-    turn_rad = abs(nearest_heading(float(first[3]), float(present[YAW])) - float(present[YAW]))
-    speed = float(np.linalg.norm(present[4:7])) / RUN_IN_SPEED_M_S
+    first = path.knots[0, 1:]
+    way_m = float(np.linalg.norm(first[POSITION] - present[POSITION]))
+    turn_rad = abs(nearest_heading(float(first[YAW]), float(present[YAW])) - float(present[YAW]))
+    speed = float(np.linalg.norm(present[VELOCITY])) / RUN_IN_SPEED_M_S
     return max(
         1.0,
         PEAK_TO_MEAN_SPEED * way_m / RUN_IN_SPEED_M_S,
@@ -96,7 +106,7 @@ def path_problem(
                 f"at {times[at]:.2f} s {name} is {samples[at, axis]:.2f} m, outside the flight volume "
                 f"{low_m[axis]:g} .. {high_m[axis]:g} m"
             )
-    rate, acceleration = samples[:, 4:8].copy(), samples[:, 8:12].copy()
+    rate, acceleration = samples[:, RATES].copy(), samples[:, ACCELERATIONS].copy()
     for horizontal in (rate, acceleration):
         horizontal[:, :2] = in_frames(samples[:, YAW], horizontal[:, :2])
     allowed = np.minimum(-np.array(model.state_min)[3:7], np.array(model.state_max)[3:7])

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.control.references.trajectory import ACCELERATIONS, POSE, RATES
 from rcopterx.vehicles.state import Array
 
 PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from rest to rest
@@ -21,7 +22,7 @@ def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple
 
 def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
     """Quintic Hermite interpolation to rows (k, 12) between such rows, `span` apart, at the shares `s`."""
-    p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
+    p0, v0, a0 = before[:, POSE], before[:, RATES] * span, before[:, ACCELERATIONS] * span**2
     c3, c4, c5 = _powers(before, after, span)
     value = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     rate = v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + 5 * s * c5)))
@@ -37,8 +38,8 @@ def quintic_jerk(before: Array, after: Array, span: Array, s: Array) -> Array:
 
 def _powers(before: Array, after: Array, span: Array) -> tuple[Array, Array, Array]:
     """Coefficients of the third to the fifth power of the share of the time."""
-    p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
-    p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
+    p0, v0, a0 = before[:, POSE], before[:, RATES] * span, before[:, ACCELERATIONS] * span**2
+    p1, v1, a1 = after[:, POSE], after[:, RATES] * span, after[:, ACCELERATIONS] * span**2
     gap = p1 - p0 - v0 - 0.5 * a0
     slope, bend = v1 - v0 - a0, a1 - a0
     return (10 * gap - 4 * slope + 0.5 * bend, -15 * gap + 7 * slope - bend, 6 * gap - 3 * slope + 0.5 * bend)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
+from rcopterx.control.references.trajectory import COLUMNS, X_ACCELERATION, X_RATE, YAW
 
 ON_STAGE = 1e-6  # an instant so close to a stage, in periods, is on it
 
@@ -38,31 +39,32 @@ def resample(
     for stage in range(len(values)):
         lower, share, outside_s, end = place_in_plan(start_s + period_s * stage, plan_period_s, last)
         upper = min(lower + 1, last)
-        for column in range(12):
+        for column in range(COLUMNS):
             values[stage, column] = samples[lower, column] * (1 - share) + samples[upper, column] * share
         if outside_s != 0.0:
-            for column in range(4):
-                values[stage, column] += outside_s * samples[end, 4 + column]
+            for column in range(X_RATE):
+                values[stage, column] += outside_s * samples[end, X_RATE + column]
             if outside_s > 0.0 or outside_s <= -plan_period_s:
-                for column in range(8, 12):
+                for column in range(X_ACCELERATION, COLUMNS):
                     values[stage, column] = 0.0
         for axis in range(3):
             values[stage, axis] += offset_m[axis]
-        values[stage, 3] += yaw_offset_rad
+        values[stage, YAW] += yaw_offset_rad
 
 
 @compiled(ANY_MATRIX, ANY_VECTOR, NUMBER)
 def samples_through(positions: Array, end_rates: Array, period_s: float) -> Array:
     """Return samples of N stages through positions, shape (N, 4); rates are differences, but the last."""
     stages = len(positions)
-    samples = np.empty((stages, 12))
-    for axis in range(4):
+    samples = np.empty((stages, COLUMNS))
+    for axis in range(X_RATE):
         for k in range(stages):
             samples[k, axis] = positions[k, axis]
             if k < stages - 1:
-                samples[k, 4 + axis] = (positions[k + 1, axis] - positions[k, axis]) / period_s
-        samples[stages - 1, 4 + axis] = end_rates[axis]
+                samples[k, X_RATE + axis] = (positions[k + 1, axis] - positions[k, axis]) / period_s
+        samples[stages - 1, X_RATE + axis] = end_rates[axis]
         for k in range(stages - 1):
-            samples[k, 8 + axis] = (samples[k + 1, 4 + axis] - samples[k, 4 + axis]) / period_s
-        samples[stages - 1, 8 + axis] = samples[stages - 2, 8 + axis]
+            change = samples[k + 1, X_RATE + axis] - samples[k, X_RATE + axis]
+            samples[k, X_ACCELERATION + axis] = change / period_s
+        samples[stages - 1, X_ACCELERATION + axis] = samples[stages - 2, X_ACCELERATION + axis]
     return samples

@@ -9,7 +9,17 @@ from msgspec import Struct
 
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, quintic_jerk
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
+from rcopterx.control.references.trajectory import (
+    ACCELERATIONS,
+    COLUMNS,
+    POSE,
+    POSITION,
+    RATES,
+    X_RATE,
+    YAW,
+    Trajectory,
+    hold,
+)
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 
@@ -69,7 +79,7 @@ class TimedPath(Struct, frozen=True):
 
     def end(self) -> tuple[Array, float]:
         """See `ReferenceSource.end`."""
-        end = self.path.knots[-1, 1:5]
+        end = self.path.knots[-1, 1:]
         return end[POSITION], float(end[YAW])
 
 
@@ -91,7 +101,7 @@ class ProfileLimits:
 
     def used(self, samples: Array, jerk: Array) -> Array:
         """Return the largest used share of a limit, shape (k,), in rows of a trajectory and of its jerk."""
-        rate, acceleration = samples[:, 4:8], samples[:, 8:12].copy()
+        rate, acceleration = samples[:, RATES], samples[:, ACCELERATIONS].copy()
         acceleration[:, YAW] = np.hypot(acceleration[:, YAW], rate[:, YAW] ** 2)
         shares = [
             np.column_stack((np.hypot(each[:, 0], each[:, 1]), np.abs(each[:, 2:]))) / limit
@@ -135,10 +145,10 @@ def smooth_way(
             return transition_through(time_s, *knots, (wait * _WAIT_S + duration_s, end))
     begin = rows[0]
     stops = np.tile(begin, (len(_DURATIONS_S), 1))
-    stops[:, 4:] = 0.0
+    stops[:, X_RATE:] = 0.0
     # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
     times = _DURATIONS_S[:, None]
-    stops[:, :4] += begin[4:8] * times / 2 + begin[8:] * times**2 / 12
+    stops[:, POSE] += begin[RATES] * times / 2 + begin[ACCELERATIONS] * times**2 / 12
     stop_s, _ = _gentle_way(limits, begin, stops)
     stop = stops[np.searchsorted(_DURATIONS_S, stop_s)]
     duration_s, _ = _gentle_way(limits, stop, end[None])

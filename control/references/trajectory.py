@@ -14,11 +14,16 @@ from rcopterx.vehicles.state import Array
 
 POSITION: Final = slice(0, 3)
 YAW: Final = 3
+X_RATE: Final = 4  # those of y, z and yaw follow
 VELOCITY: Final = slice(4, 7)
 YAW_RATE: Final = 7
+X_ACCELERATION: Final = 8
 ACCELERATION: Final = slice(8, 11)
 YAW_ACCELERATION: Final = 11
 COLUMNS: Final = 12
+POSE: Final = slice(0, X_RATE)  # x, y, z and yaw
+RATES: Final = slice(X_RATE, X_ACCELERATION)
+ACCELERATIONS: Final = slice(X_ACCELERATION, COLUMNS)
 
 _NO_OFFSET_M: Final[Array] = np.zeros(3)
 
@@ -82,7 +87,7 @@ class Trajectory(Struct, frozen=True):
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
     """Return the trajectory of a set point: rest at one place, shape (3,)."""
     samples = np.zeros((stages, COLUMNS))
-    samples[:, :4] = *position_m, yaw_rad
+    samples[:, POSE] = *position_m, yaw_rad
     return Trajectory(samples, period_s)
 
 

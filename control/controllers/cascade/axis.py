@@ -4,14 +4,10 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, COUNT, MATRIX, compiled, part
-from rcopterx.control.controllers.cascade.task import (
-    SAMPLED_ACCELERATION,
-    SAMPLED_VELOCITY,
-    TASK,
-    CascadeTask,
-)
+from rcopterx.control.controllers.cascade.task import TASK, CascadeTask
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
+from rcopterx.control.references.trajectory import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import XD_BODY, YAW, Array
@@ -33,8 +29,7 @@ class LagProblem:
         feed_forward: bool,
     ) -> None:
         self._dynamics = dynamics = LagDynamics.of(model, period_s, axes)
-        self._axes, self._feed_forward = axes, feed_forward
-        self._count = m = dynamics.axes
+        self._first, self._feed_forward, m = axes.start, feed_forward, dynamics.axes
         stick = slice(2 * m, 3 * m)
         A, B = dynamics.matrices()
         C, D = np.eye(3 * m), np.eye(3 * m, m, -2 * m)
@@ -55,13 +50,13 @@ class AxisProblem(LagProblem):
 
     def problem(self, task: CascadeTask, heights: Array | None = None) -> OptimalControlProblem:
         """State the problem of an axis alone; `heights`, shape (2, N), replace the position's bounds."""
-        p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._count
-        velocity = task.reference[:, SAMPLED_VELOCITY + first :][:, :m]
+        p, dynamics, axis = self._problem, self._dynamics, self._first
+        velocity = task.reference[:, X_RATE + axis, None]
         change = np.zeros(velocity.shape)
         if self._feed_forward:
-            acceleration = task.reference[:, SAMPLED_ACCELERATION + first :][:, :m]
+            acceleration = task.reference[:, X_ACCELERATION + axis, None]
             change = (1.0 - dynamics.decay) * velocity + dynamics.period_s * acceleration
-        state_following(p, task, dynamics, first, velocity, change)
+        state_following(p, task, dynamics, axis, velocity, change)
         if heights is not None:
             p.low[:, 0], p.high[:, 0] = heights
         return p

@@ -20,16 +20,12 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
 from rcopterx.control.controllers.cascade.axis import LagProblem, beyond, state_following
-from rcopterx.control.controllers.cascade.task import (
-    SAMPLED_ACCELERATION,
-    SAMPLED_VELOCITY,
-    TASK,
-    CascadeTask,
-)
+from rcopterx.control.controllers.cascade.task import TASK, CascadeTask
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.models.lateral import CORE_FROM, lateral_system
+from rcopterx.control.references.trajectory import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Solution, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, Array, heading_matrix
@@ -104,8 +100,8 @@ def turn(
 ) -> None:
     """Set the dynamics along a planned heading, and velocities and changes of the reference, body frame."""
     N, T, decay = len(p.r), dynamics.period_s, dynamics.decay
-    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
-    accelerations = reference[:, SAMPLED_ACCELERATION : SAMPLED_ACCELERATION + 2]
+    velocities = reference[:, X_RATE : X_RATE + 2]
+    accelerations = reference[:, X_ACCELERATION : X_ACCELERATION + 2]
     for k in range(N + 1):
         vx, vy, turn_rad = velocities[k, 0], velocities[k, 1], heading[k + 1] - heading[k]
         following = min(k + 1, N)
@@ -212,8 +208,8 @@ def demands(reference: Array, axis: int, steering: Steering, bar: Array) -> tupl
     at the first stage in both axes; it is advanced by a period.
     """
     found, along, by_bar = np.empty(len(reference)), 0.0, GRAVITY_M_S2 * bar[axis]
-    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
-    accelerations = reference[:, SAMPLED_ACCELERATION : SAMPLED_ACCELERATION + 2]
+    velocities = reference[:, X_RATE : X_RATE + 2]
+    accelerations = reference[:, X_ACCELERATION : X_ACCELERATION + 2]
     for k in range(len(reference)):
         if k > 0:
             by_bar += steering.creep * (along - by_bar)
@@ -238,7 +234,7 @@ def state_tilting(
     """State the problem along a planned heading."""
     motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
     N, gain, servo = len(p.r), steering.gain, CORE_FROM + len(tilt.core)
-    velocities = reference[:, SAMPLED_VELOCITY : SAMPLED_VELOCITY + 2]
+    velocities = reference[:, X_RATE : X_RATE + 2]
     measured_velocity = motion[XD_BODY : XD_BODY + 2]
     wind = p.x_0[servo + 2 : servo + 4]
     # The bar, where there is one, is the last part of the core.

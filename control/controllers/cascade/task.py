@@ -8,11 +8,8 @@ from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, VECTOR, record
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import ESTIMATE
-from rcopterx.control.references.trajectory import ACCELERATION, VELOCITY
 from rcopterx.vehicles.state import Array
 
-SAMPLED_VELOCITY: Final[int] = VELOCITY.start  # columns of a sample: x, y, z, yaw from here on
-SAMPLED_ACCELERATION: Final[int] = ACCELERATION.start
 RECOVERY_S: Final = 0.2
 """Time constant with which a velocity measured beyond its limits returns to them.
 

@@ -24,7 +24,7 @@ from rcopterx.control.controllers.paper.model import (
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.paths import in_frames
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory
+from rcopterx.control.references.trajectory import ACCELERATIONS, COLUMNS, RATES, X_RATE, Trajectory
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
@@ -121,16 +121,16 @@ class PaperController(BaseController):
         samples = reference.samples
         states = np.zeros((self.horizon, STATE_SIZE))
         states[:, :MOTION_SIZE] = samples[:, :MOTION_SIZE]
-        states[:, XD_BODY : XD_BODY + 2] = in_frames(samples[:, YAW], samples[:, 4:6])
+        states[:, XD_BODY : XD_BODY + 2] = in_frames(samples[:, YAW], samples[:, X_RATE : X_RATE + 2])
         return states
 
     def _plan(self, states: Array) -> Trajectory:
         """Plan in the inertial frame; velocities with the planned heading of their stage."""
         samples = np.empty((self.horizon, COLUMNS))
         samples[:, :MOTION_SIZE] = states[:, :MOTION_SIZE]
-        samples[:, 4:6] = in_frames(-states[:, YAW], states[:, XD_BODY : XD_BODY + 2])
-        samples[:-1, 8:] = np.diff(samples[:, 4:8], axis=0) / self.period_s
-        samples[-1, 8:] = samples[-2, 8:]
+        samples[:, X_RATE : X_RATE + 2] = in_frames(-states[:, YAW], states[:, XD_BODY : XD_BODY + 2])
+        samples[:-1, ACCELERATIONS] = np.diff(samples[:, RATES], axis=0) / self.period_s
+        samples[-1, ACCELERATIONS] = samples[-2, ACCELERATIONS]
         return Trajectory(samples, self.period_s)
 
     def _integrate(self, estimate: Estimate, reference: Trajectory) -> None:
