@@ -246,14 +246,11 @@ class Pilot:
         estimate = self.estimation.compensated(self.model)
         reference, nominal = guidance.references(plans, estimate, time_s, delay_s, period_s, horizon)
         if not self._flown_by_controller:
-            self.step_guard.reset(estimate, last_input)
-            self._flown_by_controller = True
+            self._start_controller(estimate, last_input)
         if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
-        sent = None
-        if self.cooperation.scheme is not None:
-            self.cooperation.begin_period(estimate, reference)
-            sent = self.cooperation.exchange(received)
+        self.cooperation.begin_period(estimate, reference)
+        sent = self.cooperation.exchange(received)
         step = self.step_guard.step(estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
@@ -311,25 +308,32 @@ class Pilot:
         return self._lift_off.under_way or not (self.guidance.rotor_on or self._watched)
 
     def _update_lift_off(self, time_s: float) -> None:
-        """Hand over to the controller once the vehicle has lifted; give up a lift-off that fails."""
+        """Hand over once the vehicle has lifted, wait while it is not seen, give up a lift-off that fails."""
         phase = self.guidance.phase
         if phase is Phase.EMERGENCY or (phase is Phase.TAKEOFF and self.estimation.blind_s > UNSEEN_S):
             self._lift_off.pause(time_s)
         elif phase is not Phase.TAKEOFF:
             self._lift_off.end()
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
-            self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
-            self.guidance.lifted(self.estimate, time_s)
-            # What carries it is less than the thrust by now.
-            carrying = self.input_history.newest.copy()
-            carrying[U_THRUST] = self._lift_off.carrying_thrust(time_s)
-            self._lift_off.end()
-            self.step_guard.reset(self.estimation.compensated(self.model), carrying)
-            self._flown_by_controller = True
+            self._hand_over(time_s)
         elif self._lift_off.failed(time_s):
             self._lift_off.end()
             self.fallbacks["not_lifted"] += 1
             self.guidance.on_event(Event.NOT_LIFTED, self.estimate)
+
+    def _hand_over(self, time_s: float) -> None:
+        """Hand the vehicle, which has left the floor, over to the controller."""
+        self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
+        self.guidance.lifted(self.estimate, time_s)
+        # What carries it is less than the thrust by now.
+        carrying = self.input_history.newest.copy()
+        carrying[U_THRUST] = self._lift_off.carrying_thrust(time_s)
+        self._lift_off.end()
+        self._start_controller(self.estimation.compensated(self.model), carrying)
+
+    def _start_controller(self, estimate: Estimate, last_input: Array) -> None:
+        self.step_guard.reset(estimate, last_input)
+        self._flown_by_controller = True
 
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
