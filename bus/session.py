@@ -3,7 +3,7 @@
 import time
 import weakref
 from collections.abc import Callable, Collection, Iterable
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import SimpleQueue
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
-R = TypeVar("R", bound=Reply)
 
 MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; further ones are rejected
 RETRY_S = 0.02  # pause before a request is sent again where no process serves it
@@ -133,13 +132,6 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
         attempt_s *= 2
 
 
-def _closed(session: zenoh.Session, waiter: Waiter | None) -> None:
-    """Close a connection, and then what its receive threads notify."""
-    session.close()
-    if isinstance(waiter, Wakeup):
-        waiter.close()
-
-
 class Session:
     """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
@@ -160,13 +152,16 @@ class Session:
     ) -> None:
         self.address = address
         self.clock = clock or address.clock.now
-        self._waiter = waiter or Wakeup(address.clock)
-        self.wake, self.wait = self._waiter.notify, self._waiter.wait
         self._publishers: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = opened(address, timeout_s)
+        resources = ExitStack()
+        if waiter is None:
+            waiter = resources.enter_context(closing(Wakeup(address.clock)))
+        self._waiter, self.wake, self.wait = waiter, waiter.notify, waiter.wait
+        resources.callback(self._zenoh.close)  # before what its receive threads notify
         # An open session would keep the interpreter from ending: it waits for callbacks.
-        self._close = weakref.finalize(self, _closed, self._zenoh, self._waiter if waiter is None else None)
+        self._close = weakref.finalize(self, resources.close)
         self.participant: Participant | None = None
         """Takes the turns of this process in lockstep; None if it takes none."""
         if address.clock.page is not None and address.process:

@@ -1,6 +1,7 @@
 """Promises of the bus: sessions find a router, come back to a new one, and leave."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -36,6 +37,16 @@ def test_a_session_without_a_router_says_where_and_for_how_long_it_tried() -> No
     assert address.endpoints[0] in str(caught.value)
     assert "0.2 s" in str(caught.value)
     assert ".rs:" not in str(caught.value)
+
+
+def test_attempts_to_find_a_router_leave_no_descriptors_open() -> None:
+    def attempt() -> int:
+        with pytest.raises(BusUnreachableError):
+            Session(own_address(), timeout_s=0.05)
+        return len(os.listdir("/proc/self/fd"))
+
+    before, *_, last = (attempt() for _ in range(5))
+    assert last <= before
 
 
 def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
