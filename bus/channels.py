@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from rcopterx.bus import host_messages, log_messages, messages
+from rcopterx.bus.external_messages import ControlTask, ExternalInput
 from rcopterx.bus.host_messages import Beat, RouterStatus
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import EVERY_FLEET as EVERY_FLEET
@@ -51,10 +52,8 @@ COMMAND: Final = Channel("command", messages.Command, "vehicle", "agent", 50, 0.
 LEASE_BID: Final = Channel("lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME)
 LEASE: Final = Channel("lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME)
 APPLIED: Final = Channel("applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.2, DATA_HIGH)
-CONTROL_TASK: Final = Channel("control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME)
-EXTERNAL_INPUT: Final = Channel(
-    "external_input", messages.ExternalInput, "vehicle", EXTERNAL, 50, 0.1, REAL_TIME
-)
+CONTROL_TASK: Final = Channel("control_task", ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME)
+EXTERNAL_INPUT: Final = Channel("external_input", ExternalInput, "vehicle", EXTERNAL, 50, 0.1, REAL_TIME)
 AGENT_STATUS: Final = Channel("status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW)
 INTENT: Final = Channel("intent", Intent, "vehicle", "agent", 5, 3.0, DATA_LOW)
 TRANSMITTER_STATUS: Final = Channel(

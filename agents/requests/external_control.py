@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rcopterx.agents.pilot import Pilot
+from rcopterx.bus.external_messages import ControlTask, ExternalInput
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import ControlTask, ExternalInput
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.controllers.external import ExternalController

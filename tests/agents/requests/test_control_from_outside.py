@@ -11,8 +11,8 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
+from rcopterx.bus.external_messages import ControlTask, ExternalInput
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import ControlTask, ExternalInput
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Estimate
