@@ -13,6 +13,7 @@ TLS: Final = "tls/"  # prefix of an endpoint at which both ends show a certifica
 QUEUE_SIZE = 16  # batches of 64 kB that wait for one client, the most that Zenoh permits
 LEASE_MS = 1000
 PATIENT_LEASE_MS: Final = 100 * LEASE_MS  # in lockstep, where no process has to be in time
+LONG_S: Final = 600.0  # longest wait in real time for an answer that always comes
 _QUICK: Final = "real_time", "interactive_high"
 # In lockstep nothing is dropped: a queue that is full would block the thread of the router that empties it.
 _ALL: Final = *_QUICK, "interactive_low", "data_high", "data", "data_low"

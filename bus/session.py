@@ -17,7 +17,7 @@ from rcopterx.bus.attachments import attached, number_of, sent_at
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode, prepare
-from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
+from rcopterx.bus.endpoints import LONG_S, Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.publishing import publisher_of
@@ -43,7 +43,6 @@ T = TypeVar("T")
 MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; further ones are rejected
 RETRY_S = 0.02  # pause before a request is sent again where no process serves it
 FIRST_ATTEMPT_S = 0.1  # time for one endpoint; it doubles in each round, for routers on a busy machine
-LONG_S: Final = 600.0  # longest wait in real time for what always comes
 SILENT_SHARE = 0.8  # share of the time-out after which an empty result means that the server did not answer
 
 
@@ -317,13 +316,11 @@ class Session:
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
             request = decode(payload, VERBS[verb].request)
+            if self._incoming.qsize() >= MOST_REQUESTS:
+                raise RejectedError("overrun", f"{MOST_REQUESTS} requests are waiting already")
         except RejectedError as error:
             with query:
                 query.reply_err(f"{verb}: {error}".encode())
-            return
-        if self._incoming.qsize() >= MOST_REQUESTS:
-            with query:
-                query.reply_err(f"{verb}: {MOST_REQUESTS} requests are waiting already".encode())
             return
         arrived_s = self.clock()
 
@@ -343,10 +340,7 @@ class Session:
 
     def pending(self) -> list[Incoming]:
         """Return the requests that arrived since the last call; each must be answered."""
-        incoming = []
-        while not self._incoming.empty():
-            incoming.append(self._incoming.get_nowait())
-        return incoming
+        return [self._incoming.get_nowait() for _ in range(self._incoming.qsize())]
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Send a request to a unit and wait for the reply; the type of the request determines the verb.
@@ -369,7 +363,7 @@ class Session:
                 replies: Iterable[zenoh.Reply] = (
                     self._zenoh.get(key, payload=payload, timeout=limit_s)
                     if serving is None
-                    else self._request_in_turns(serving, key, payload, timeout_s)
+                    else serving.request(partial(self._zenoh.get, key, payload=payload), key, timeout_s)
                 )
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
@@ -384,29 +378,6 @@ class Session:
             if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")
             self.wait_in(time.sleep, RETRY_S)
-
-    def _request_in_turns(
-        self, participant: "Participant", key: str, payload: bytes, timeout_s: float
-    ) -> list[zenoh.Reply]:
-        """Send a request in lockstep, and take turns until the reply counts; none after the time-out."""
-        replies: list[zenoh.Reply] = []
-
-        def answered(reply: zenoh.Reply, _: zenoh.Sample | None = None) -> None:
-            replies.append(reply)
-            participant.wake()
-
-        def on_reply(reply: zenoh.Reply) -> None:
-            if reply.ok is None:
-                answered(reply)
-            else:
-                participant.replies.hold(partial(answered, reply), reply.ok)
-
-        callback, stamp = Callback(on_reply, indirect=False), participant.stamp(key)
-        self._zenoh.get(key, callback, payload=payload, attachment=stamp, timeout=LONG_S)
-        give_up_s = participant.page.now() + timeout_s
-        while not replies and participant.page.now() < give_up_s:
-            participant.wait(give_up_s - participant.page.now())
-        return replies
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:
         """Return the answer of each linked router that knows which fleet it serves."""

@@ -11,13 +11,18 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from functools import partial
 from itertools import count
 from math import inf
 from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
+import zenoh
+from zenoh.handlers import Callback
+
 from rcopterx.bus.attachments import STAMP
+from rcopterx.bus.endpoints import LONG_S
 from rcopterx.bus.lockstep.inbox import POLL_S, Held, LockstepInbox
 from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter, opened_page
 from rcopterx.bus.processes import MEMBERSHIP, RECALL, SCRIPT
@@ -45,15 +50,14 @@ class Participant:
         self.before_wait: Callable[[], None] = lambda: None  # called when a loop begins to wait
         self.held: deque[Held] = deque()
         self._counters: dict[str, tuple[int, SentCounter]] = {}
-        self._readers: dict[
-            int, tuple[int, list[ParticipantState]]
-        ] = {}  # by counter, with the turn they are of
+        # By counter, with the turn that they are of.
+        self._readers: dict[int, tuple[int, list[ParticipantState]]] = {}
         self._woken = False
         self._numbers = count()
         self._inboxes: list[LockstepInbox] = []
         self._new_inboxes: list[LockstepInbox] = []  # of which the router may not have taken notice yet
         self._found = 0
-        self.replies = self.receive(f"reply {self.index}")  # to requests of this process
+        self._replies = self.receive(f"reply {self.index}")  # to requests of this process
         self._taken = 0
 
     def begin(self) -> None:
@@ -128,9 +132,9 @@ class Participant:
 
     def end(self, inbox: LockstepInbox) -> None:
         """Wait no longer for what is sent on a key."""
-        for inboxs in (self._inboxes, self._new_inboxes):
-            if inbox in inboxs:
-                inboxs.remove(inbox)
+        for inboxes in (self._inboxes, self._new_inboxes):
+            with suppress(ValueError):
+                inboxes.remove(inbox)
 
     def serve(self, key: str) -> LockstepInbox:
         """Answer requests on a key from now on."""
@@ -140,6 +144,29 @@ class Participant:
     def serves(self, key: str) -> bool:
         """Return whether a process that takes turns answers requests on a key."""
         return self.page.counts(f"serve {key}")
+
+    def request(self, send: Callable[..., object], key: str, timeout_s: float) -> list[zenoh.Reply]:
+        """Take turns until the reply to a request on a key counts; none after the time-out [s].
+
+        `send` sends it with an attachment, and passes the reply to a callback.
+        """
+        replies: list[zenoh.Reply] = []
+
+        def answered(reply: zenoh.Reply, _: zenoh.Sample | None = None) -> None:
+            replies.append(reply)
+            self.wake()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is None:
+                answered(reply)
+            else:
+                self._replies.hold(partial(answered, reply), reply.ok)
+
+        send(Callback(on_reply, indirect=False), attachment=self.stamp(key), timeout=LONG_S)
+        give_up_s = self.page.now() + timeout_s
+        while not replies and self.page.now() < give_up_s:
+            self.wait(give_up_s - self.page.now())
+        return replies
 
     def kill(self, name: str) -> None:
         """Let the scheduler kill a process after the next turn; time waits for its successor after 0.3 s."""
