@@ -4,30 +4,20 @@ import os
 import select
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from rcopterx.bus.clock import REAL_TIME, Clock
 
-
-class Scheduled(Protocol):
-    """Takes turns in lockstep (`Participant`)."""
-
-    before_wait: Callable[[], None]
-
-    def wake(self) -> None:
-        """End the present wait with its next turn, else the next one; any thread may call this."""
-
-    def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
-        """Finish the turn, and take others until a message, data or time-out [s]; return what is readable."""
-        ...
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.participant import Participant
 
 
 class Waiter(ABC):
     """Waits in real time, unless a session in lockstep has set what takes turns instead."""
 
-    scheduled: Scheduled | None = None
+    scheduled: "Participant | None" = None
 
     def wait(self, timeout_s: float, descriptors: Collection[int] = (), rest_s: float = 0.0) -> set[int]:
         """Wait for a notification, data or the time-out [s]; return the readable or closed descriptors.

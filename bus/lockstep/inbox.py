@@ -1,43 +1,26 @@
 """What a process in lockstep receives under a key: it is kept until the turn in which it counts."""
 
-import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from math import inf
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from rcopterx.bus.attachments import STAMP, attached
-from rcopterx.bus.lockstep.page import LockstepPage, SentCounter
+from rcopterx.bus.lockstep.page import SentCounter
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.participant import Participant
 
 POLL_S: Final = 0.1  # real time between two checks for what wakes no process
 Held = tuple[float, str, int, int, Callable[[], object]]
 """What has arrived: time of sending [s], key, number, number of the inbox; delivers it in its turn."""
 
 
-class Owner(Protocol):
-    """The process that an inbox belongs to."""
-
-    page: LockstepPage
-    index: int
-    held: deque[Held]
-    arrived: threading.Event
-
-    def call(self) -> None:
-        """Take the next turn, whenever it is; any thread may call this."""
-
-    def read(self, counter: int) -> None:
-        """Take a turn after each in which something is counted, from the next one on."""
-
-    def end(self, inbox: "LockstepInbox") -> None:
-        """Wait no longer for what is sent on a key."""
-
-
 class LockstepInbox:
     """What a process receives under a key, in which `*` is any unit; a `waking` one gives it turns."""
 
-    def __init__(self, owner: Owner, number: int, key: str, *, waking: bool) -> None:
+    def __init__(self, owner: "Participant", number: int, key: str, *, waking: bool) -> None:
         self._owner, self._number, self._since_s = owner, number, owner.page.now()
         self._waking = waking
         self._before, self._any, self._after = key.partition("*")
