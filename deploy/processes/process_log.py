@@ -74,12 +74,17 @@ def _log_exception(kind: type[BaseException], error: BaseException, traceback: T
     logging.critical("ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback))
 
 
-def append(path: Path, lines: list[str]) -> None:
-    """Append lines to a log; ignore a failing disk."""
+def stamped(lines: list[str]) -> list[str]:
+    """Lines of a log with the present time, which may be written later."""
     now_s = time.time()
     stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
+    return [f"{stamp} INFO {line}\n" for line in lines]
+
+
+def append(path: Path, lines: list[str]) -> None:
+    """Append stamped lines to a log; ignore a failing disk."""
     with suppress(OSError), path.open("a", encoding="utf-8") as file:
-        file.writelines(f"{stamp} INFO {line}\n" for line in lines)
+        file.writelines(lines)
 
 
 class LauncherLog:
@@ -93,7 +98,7 @@ class LauncherLog:
 
     def append(self, lines: list[str]) -> None:
         """Queue lines."""
-        self._lines.put(lines)
+        self._lines.put(stamped(lines))
 
     def _run(self) -> None:
         while True:

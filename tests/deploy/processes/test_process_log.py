@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Event
 
@@ -17,7 +18,14 @@ from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy.processes import process_log
 from rcopterx.deploy.processes.log_reading import PAGE_BYTES, ProcessLogs, read_page
-from rcopterx.deploy.processes.process_log import MOST_WAITING, LauncherLog, QueueingHandler, append, rotate
+from rcopterx.deploy.processes.process_log import (
+    MOST_WAITING,
+    LauncherLog,
+    QueueingHandler,
+    append,
+    rotate,
+    stamped,
+)
 
 LINES = 20_000
 UNREAD = f"""
@@ -115,6 +123,21 @@ def test_a_launcher_logs_in_a_thread_and_its_last_lines_are_written(tmp_path: Pa
     ]
 
 
+def test_lines_of_a_launcher_have_the_time_of_their_event_when_the_disk_writes_them_later(
+    tmp_path: Path,
+) -> None:
+    blocked = tmp_path / "launcher.log"
+    os.mkfifo(blocked)
+    log = LauncherLog(tmp_path)
+    log.append(["agent-h1: killed by SIGKILL"])
+    log.append(["agent-h1: started again"])
+    after = datetime.now(UTC)
+    wait_for(lambda: datetime.now(UTC) - after > timedelta(seconds=0.05), "the time stands still")
+    written = [blocked.read_text(), blocked.read_text()]
+    log.close()
+    assert all(datetime.fromisoformat(line.split()[0]) <= after for line in written)
+
+
 @pytest.mark.usefixtures("small_logs")
 def test_a_launcher_puts_large_logs_aside(tmp_path: Path) -> None:
     (tmp_path / "tracker.log").write_text("x" * 101)
@@ -202,7 +225,7 @@ def test_every_line_is_read_once_while_logs_are_put_aside(tmp_path: Path) -> Non
     logs = ProcessLogs(tmp_path)
     read: list[str] = []
     for number in range(40):
-        append(tmp_path / "router.log", [str(number)])
+        append(tmp_path / "router.log", stamped([str(number)]))
         if number % 7 == 0:
             rotate(tmp_path)
         if number % 3 == 0:
@@ -212,8 +235,8 @@ def test_every_line_is_read_once_while_logs_are_put_aside(tmp_path: Path) -> Non
 
 
 def test_events_of_a_launcher_are_logged_with_their_time_and_a_full_disk_is_ignored(tmp_path: Path) -> None:
-    append(tmp_path / "launcher.log", ["agent-h1: killed by SIGKILL"])
-    append(tmp_path / "nowhere" / "launcher.log", ["lost"])
+    append(tmp_path / "launcher.log", stamped(["agent-h1: killed by SIGKILL"]))
+    append(tmp_path / "nowhere" / "launcher.log", stamped(["lost"]))
     (line,) = ProcessLogs(tmp_path).new_lines()
     assert (line.process, line.text) == ("launcher", "INFO agent-h1: killed by SIGKILL")
     assert len(line.time) == 24
