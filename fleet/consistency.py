@@ -131,11 +131,20 @@ def _check_security(fleet: FleetFile) -> None:
 
 
 def _check_files(fleet: FleetFile) -> None:
-    """Refuse paths in the home directory of a named user, who may be missing."""
-    files = {"log.directory": fleet.log.directory, "tracker.record_raw": fleet.tracker.record_raw}
+    """Refuse paths below `~` that may not exist: of a named user, or of one without a home directory."""
+    files = {
+        "log.directory": fleet.log.directory,
+        "tracker.record_raw": fleet.tracker.record_raw,
+        "security.certificates": fleet.security.certificates,
+    }
+    files |= {f"vehicles.{name}.type": vehicle.type for name, vehicle in fleet.vehicles.items()}
     for where, path in files.items():
-        if path is not None and path.startswith("~") and not path.startswith("~/"):
+        if path is None or not path.startswith("~"):
+            continue
+        if not path.startswith("~/"):
             raise FleetError(f"{where}: {path!r}: a path that begins with ~ must begin with ~/")
+        if os.path.expanduser(path) == path:
+            raise FleetError(f"{where}: {path!r}: this user has no home directory, give an absolute path")
 
 
 def _check_leaders(fleet: FleetFile) -> None:

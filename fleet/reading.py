@@ -163,7 +163,7 @@ def _type_files(fleet: FleetFile, directory: Path) -> dict[str, dict[str, Any]]:
     for vehicle in fleet.vehicles.values():
         if vehicle.type.endswith(".toml"):
             try:
-                found[vehicle.type] = table_of(text_of(directory / vehicle.type))
+                found[vehicle.type] = table_of(text_of(directory / Path(vehicle.type).expanduser()))
             except FleetError as error:
                 raise FleetError(f"{vehicle.type}: {error}") from None
     return found

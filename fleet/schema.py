@@ -60,7 +60,7 @@ class TrackerConfig(Table, frozen=True, kw_only=True):
     settings: dict[str, str] = field(default_factory=dict)
     """Further settings of the library, by its own names."""
     record_raw: Text | None = None
-    """File for the raw stream, relative to the directory in which the gateway is started."""
+    """File for the raw stream, below `~/` or relative to the directory in which the gateway is started."""
 
 
 class SimulatorConfig(Table, frozen=True, kw_only=True):
@@ -229,7 +229,7 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     """Its radio."""
     type: str = "coaxial"
     """Type that gives the defaults of model, calibration and radio: a name that `rcopterx types` lists, one
-    of `types`, or the path of a file `*.toml`, relative to the fleet file."""
+    of `types`, or the path of a file `*.toml`, relative to the fleet file or below `~/`."""
     host: Name = DEFAULT_HOST
     """Host that runs its agent."""
     spares: list[Name] = field(default_factory=list)

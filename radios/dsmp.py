@@ -29,6 +29,8 @@ FIRMWARE_1_SETUP_EVERY = 2
 FIRMWARE_1_SETUPS = 50
 
 BIND_RESULT, BIND_RESULT_LENGTH = 0x80, 12
+RECEIVER_CHANNELS = range(3, 15)
+RECEIVER_MODES = frozenset({0x01, 0x02, 0x12, 0xA2, 0xB2})  # DSM2 and DSMX, 22 and 11 ms
 VERSION, ANSWER_LENGTH = 0xFF, 18
 KNOWN_FIRMWARES = (1, 2)
 
@@ -155,7 +157,9 @@ class DsmpProtocol(base.OneWayRadio):
         self._buffer += data
         while (answer := self._next_answer()) is not None:
             if answer[0] == START and answer[1] == BIND_RESULT:
-                self._binding = False
+                # It comes once and has no checksum: noise would end the bind.
+                plausible = answer[4] in RECEIVER_CHANNELS and answer[5] in RECEIVER_MODES
+                self._binding = self._binding and not plausible
             elif answer[0] == START and answer[1] == VERSION:
                 self._take_version(answer[6], answer[7])
 

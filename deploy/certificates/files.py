@@ -127,9 +127,12 @@ def own_name(fleet: FleetFile, host: str) -> str | None:
 
 def readable(directory: Path, name: str) -> bool:
     """Whether this user can read a certificate and its key."""
-    return all(
-        os.access(path, os.R_OK) for path in (certificate_path(directory, name), key_path(directory, name))
-    )
+    try:
+        for path in (certificate_path(directory, name), key_path(directory, name)):
+            path.open("rb").close()
+    except OSError:
+        return False
+    return True
 
 
 def own_credentials(fleet: FleetFile, host: str) -> Credentials | None:

@@ -25,6 +25,7 @@ from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
 from rcopterx.deploy.hosts.run_directory import (
+    VARIABLE,
     Begun,
     flight_path,
     log_directory,
@@ -93,6 +94,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._fleet, self._host, self._idle, self._script = fleet, host, idle, script
         self._clock = clock_of(fleet)
         self.directory = directory = run_directory(fleet.name, fleet.bus.namespace)
+        # Processes that start when the place has become full find each other where this one began.
+        os.environ[VARIABLE] = str(directory.parent)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         check_without(fleet, without)
         # Before any process starts: watchdogs would take one that waits for kernels for one that hangs.

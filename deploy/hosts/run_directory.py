@@ -11,33 +11,35 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rcopterx.bus.clock import NANO, Clock
 from rcopterx.flights.flights import default_directory
+from rcopterx.places import try_place
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile  # imports slowly
 
+VARIABLE = "RCOPTERX_RUN"  # environment variable with the place of run directories
 LONGEST_SOCKET_PATH = 100
 SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never waits for a disk
 LOCKSTEP = ".lockstep"  # file with the time of a fleet in lockstep; no vehicle can have this name
 
 
-def base_directory() -> Path:
-    """Return `RCOPTERX_RUN`, else a directory in `XDG_RUNTIME_DIR` if writable, else a temporary one."""
-    base = os.environ.get("RCOPTERX_RUN")
-    if base is None:
-        runtime = os.environ.get("XDG_RUNTIME_DIR")
-        if runtime and os.access(runtime, os.W_OK):
-            base = str(Path(runtime) / "rcopterx")
-        else:
-            base = str(Path(tempfile.gettempdir()) / f"rcopterx-{os.getuid()}")
-    return Path(base)
+def base_directories() -> list[Path]:
+    """Return where run directories may be: `RCOPTERX_RUN`; or `XDG_RUNTIME_DIR`, then a temporary place."""
+    chosen, runtime = os.environ.get(VARIABLE), os.environ.get("XDG_RUNTIME_DIR")
+    if chosen is not None:
+        return [Path(chosen)]
+    temporary = Path(tempfile.gettempdir()) / f"rcopterx-{os.getuid()}"
+    return [Path(runtime) / "rcopterx", temporary] if runtime else [temporary]
 
 
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
     """Return the directory of a fleet, created if missing, for its owner only: who reaches it can steer.
 
-    Raises `OSError`: it cannot be created or belongs to another user; says how to choose another place.
+    It is in the first place that can be used. Raises `OSError`: there is none, or it belongs to another user;
+    says how to choose another place.
     """
-    path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
+    *others, last = base_directories()
+    base = next(filter(_usable, others), last)
+    path = base / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)
         check_owner(path.parent)
@@ -48,6 +50,15 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
         reason = f"run directory {path}: {error.strerror}; set RCOPTERX_RUN to a directory you may write to"
         raise OSError(reason) from None
     return path
+
+
+def _usable(base: Path) -> bool:
+    try:
+        base.mkdir(parents=True, exist_ok=True, mode=0o700)
+        try_place(base)
+    except OSError:
+        return False
+    return True
 
 
 def check_owner(path: Path) -> None:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from rcopterx.deploy.hosts.run_directory import base_directory
+from rcopterx.deploy.hosts.run_directory import base_directories
 
 LOCK_PATIENCE_S = 2.0  # how long a router that replaces another one waits for the lock
 LOCK_RETRY_S = 0.01
@@ -61,8 +61,9 @@ def _locked(path: Path) -> int:
 
 
 def running_fleets(base: Path | None = None) -> list[RunningFleet]:
-    """Return the fleets that are up, from their run directories in `base` (default `base_directory`)."""
-    paths = sorted((base or base_directory()).glob("*/up-*.json"))
+    """Return the fleets that are up, from their run directories in `base`, or in all `base_directories`."""
+    bases = base_directories() if base is None else [base]
+    paths = sorted(path for place in bases for path in place.glob("*/up-*.json"))
     return [running for path in paths if (running := _read(path)) is not None]
 
 

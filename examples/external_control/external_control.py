@@ -22,12 +22,13 @@ import zenoh
 
 def router_of(fleet):
     """Endpoint of the router of a fleet that is up on this computer, from the record in its run directory."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and os.access(runtime, os.W_OK):
-        usual = pathlib.Path(runtime, "rcopterx")
-    else:
-        usual = pathlib.Path(tempfile.gettempdir(), f"rcopterx-{os.getuid()}")
-    for path in pathlib.Path(os.environ.get("RCOPTERX_RUN", usual)).glob("*/up-*.json"):
+    chosen, runtime = os.environ.get("RCOPTERX_RUN"), os.environ.get("XDG_RUNTIME_DIR", "")
+    usual = (
+        pathlib.Path(runtime, "rcopterx"),
+        pathlib.Path(tempfile.gettempdir(), f"rcopterx-{os.getuid()}"),
+    )
+    places = (pathlib.Path(chosen),) if chosen else usual
+    for path in (found for place in places for found in place.glob("*/up-*.json")):
         record = json.loads(path.read_text())
         if record["fleet"] == fleet:
             return record["endpoints"][0]

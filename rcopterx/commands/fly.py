@@ -1,7 +1,6 @@
 """Flying manoeuvres: `fly`."""
 
 import json
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from rcopterx.commands.interruption import Interrupts
 from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
+from rcopterx.places import try_place
 
 if TYPE_CHECKING:
     from rcopterx.ground_station.acceptance.flight import Manoeuvre
@@ -168,10 +168,9 @@ def _make_directory(path: Path) -> None:
     """Make the directory of reports; fail before the flight if it cannot be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
+        try_place(path)
     except OSError as error:
         raise typer.BadParameter(f"{path}: {error.strerror}", param_hint="--report") from None
-    if not os.access(path, os.W_OK):
-        raise typer.BadParameter(f"{path}: no permission to write", param_hint="--report")
 
 
 def _fly_row(

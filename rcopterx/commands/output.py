@@ -1,7 +1,6 @@
 """What many commands print and draw: JSON documents, figures as text, tables, progress, pictures."""
 
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -10,6 +9,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from rcopterx.places import try_place
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 
@@ -24,8 +25,12 @@ def _checked_figure(path: Path | None) -> Path | None:
         )
     if path.suffix not in (".png", ".svg", ".pdf"):
         raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
-    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")
+    try:
+        try_place(path.absolute().parent)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"{path}: the directory cannot be written to: {error.strerror}", param_hint="--plot"
+        ) from None
     return path
 
 

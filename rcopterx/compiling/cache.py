@@ -20,6 +20,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+from rcopterx.places import try_place
+
 COMPLETE: Final = "complete"  # empty file in a directory of kernels that holds all of them
 MODULES: Final = (
     "control.solver.sweep",
@@ -64,7 +66,7 @@ def directory() -> Path | None:
             path.mkdir(exist_ok=True, mode=0o700)
             _check_private(path)
             if not (path / COMPLETE).exists():
-                _try(path)
+                try_place(path, NEEDED_BYTES)
             os.utime(path)
         except OSError:
             continue
@@ -81,15 +83,6 @@ def _bases() -> Iterator[Path]:
     if cached or os.path.isabs(home):
         yield (Path(cached) if cached else Path(home) / ".cache") / "rcopterx"
     yield Path(tempfile.gettempdir()) / f"rcopterx-kernels-{os.getuid()}"
-
-
-def _try(path: Path) -> None:
-    """Write and lock a file: permissions do not show a full disk, a quota, or missing locks."""
-    with tempfile.TemporaryFile(dir=path) as file:
-        file.write(bytes(NEEDED_BYTES))
-        file.flush()
-        os.fsync(file.fileno())
-        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def _check_private(path: Path) -> None:

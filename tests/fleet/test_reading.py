@@ -1,5 +1,6 @@
 """Promises of the fleet file: what is wrong is refused as a whole, with the path of the field."""
 
+import os
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from support.fleets import HARDWARE_PAIR, PAIR
 from rcopterx.fleet.formation_check import formation_places
 from rcopterx.fleet.reading import load_fleet, merged, parse_fleet
 from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.vehicle_types import type_of
 
 ONE = 'name = "lab"\n[vehicles.h1]\nsubject = "a"\ntransmitter = { port = "p" }\n'
 
@@ -260,6 +262,21 @@ def test_files_in_the_home_directory_of_a_named_user_are_refused(path: str) -> N
         with pytest.raises(FleetError, match=rf"^{table}\.{field}: '{path}': .* must begin with ~/"):
             parse_fleet(f'{PAIR}[{table}]\n{field} = "{path}"')
         parse_fleet(f'{PAIR}[{table}]\n{field} = "~/c"')
+
+
+@pytest.mark.parametrize("field", ["[log]\ndirectory", "[tracker]\nrecord_raw", "[security]\ncertificates"])
+def test_files_below_the_home_directory_of_a_user_without_one_are_refused(
+    field: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    with pytest.raises(FleetError, match=r"'~/c': this user has no home directory, give an absolute path"):
+        parse_fleet(f'{PAIR}{field} = "~/c"')
+
+
+def test_a_type_file_may_be_below_the_home_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "small.toml").write_text('text = "small"\nbase = "coaxial"\n')
+    assert type_of(parse_fleet(ONE + 'type = "~/small.toml"\n'), "h1").name == "small"
 
 
 def test_errors_of_a_file_begin_with_its_path(tmp_path: Path) -> None:

@@ -46,6 +46,16 @@ def test_bind_alternates_the_golden_bind_frame_with_channels() -> None:
     assert protocol.encode([1100], FrameFlags()) == SETUP
 
 
+@pytest.mark.parametrize("noise", [bytes(10), b"\xff" * 10, b"\x00\x00\x06\x37" + bytes(6)])
+def test_noise_after_the_start_of_a_bind_result_ends_no_bind(noise: bytes) -> None:
+    protocol = started()
+    protocol.encode([1100], FrameFlags(bind=True), disarmed=True)
+    protocol.receive(BIND_RESULT[:2] + noise, 0.1)
+    assert protocol.status(2.0).binding
+    protocol.receive(BIND_RESULT, 2.1)
+    assert not protocol.status(2.2).binding
+
+
 def test_golden_channel_frame_decodes() -> None:
     decoded = DsmpProtocol().decode(THROTTLE_LOW)
     assert math.isclose(decoded.pulses_us[0], 1100, abs_tol=1)

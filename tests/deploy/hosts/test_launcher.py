@@ -1,5 +1,6 @@
 """Promises of starting a host: what is in use or missing is named, and nothing has been started then."""
 
+import errno
 import os
 import pty
 import socket
@@ -230,6 +231,20 @@ def test_the_run_directory_is_where_the_user_says_else_where_the_system_says(
     assert run_directory("lab", "t1") == tmp_path / "rcopterx" / "lab-t1"
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert run_directory("lab", None) == tmp_path / f"rcopterx-{os.getuid()}" / "lab"
+
+
+@pytest.mark.parametrize("call", ["fcntl.flock", "os.fsync"], ids=["no locks", "full"])
+def test_the_run_directory_is_in_the_next_place_where_files_cannot_be_stored_or_locked(
+    call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.delenv("RCOPTERX_RUN", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(call, refuse)
     assert run_directory("lab", None) == tmp_path / f"rcopterx-{os.getuid()}" / "lab"
 
 
