@@ -99,7 +99,7 @@ class Cooperation:
     def _offsets(self, yaw_rad: float, time_s: float) -> dict[str, Array]:
         """Present offsets to the leaders; those that turn with a leader turn with this vehicle's heading."""
         found = {}
-        for link in self._guidance.followed:
+        for link in self._guidance.task.followed:
             offset = link.offset_at(time_s)
             turn_rad = yaw_rad - offset.yaw_rad if offset.frame == "heading" else 0.0
             found[link.leader] = turned_about_z(offset.position_m, turn_rad)

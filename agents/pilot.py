@@ -143,8 +143,7 @@ class Pilot:
                 # The earlier process commanded what acts now; the first step starts from there.
                 self.input_history.restart(value)
         self.informed, self._watched = True, False
-        self.guidance.on_event(event, self.estimate)
-        self.guidance.resume_interrupted(self.estimate, self.clock.time_s)
+        self.guidance.on_event(event, self.estimate, self.clock.time_s)
 
     def watch(self, state: str, value: Array) -> None:
         """Process an input applied for another agent, so that this one can take over with a warm estimate."""
@@ -319,7 +318,7 @@ class Pilot:
         elif self._lift_off.failed(time_s):
             self._lift_off.end()
             self.fallbacks["not_lifted"] += 1
-            self.guidance.on_event(Event.NOT_LIFTED, self.estimate)
+            self.guidance.on_event(Event.NOT_LIFTED, self.estimate, time_s)
 
     def _hand_over(self, time_s: float) -> None:
         """Hand the vehicle, which has left the floor, over to the controller."""

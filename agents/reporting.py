@@ -96,7 +96,9 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
 
 
 def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
-    return tuple(link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.followed)
+    return tuple(
+        link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.task.followed
+    )
 
 
 def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) -> AgentStatus:
@@ -109,7 +111,7 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         frame=pilot.clock.current_frame,
         set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),
         following=_following(pilot),
-        assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
+        assigned=tuple(target_link(link) for link in pilot.guidance.task.assigned),
         following_mode=following_mode,
         position_m=None if motion is None else three(motion[:3]),
         velocity_m_s=None if motion is None else three(inertial_velocity(motion)),

@@ -305,7 +305,7 @@ class Handover:
         """Publish the present intent; called with every status."""
         clock = self._pilot.clock
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
-        task, tuning = self._pilot.guidance.task(), self._tuning
+        task, tuning = self._pilot.guidance.task, self._tuning
         intent = intent_of(self._lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)
         content = _content(intent)
         recent = now_s - self._published_s < LONG_PERIOD_S

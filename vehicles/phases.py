@@ -1,5 +1,6 @@
-"""Flight phases of a vehicle as a table: phase x event -> phase."""
+"""Flight phases of a vehicle as a table: phase x event -> phase, and what that does to its task."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
@@ -46,35 +47,45 @@ EVENT_OF_STATE: Final = MappingProxyType(
 )
 """Event of each state of the arbiter."""
 
-TRANSITIONS: Final = MappingProxyType(
-    {
-        (Phase.GROUND, Event.ARM): Phase.ARMED,
-        (Phase.GROUND, Event.RESUME): Phase.FLYING,
-        (Phase.ARMED, Event.RESUME): Phase.FLYING,
-        (Phase.ARMED, Event.DISARM): Phase.GROUND,
-        (Phase.ARMED, Event.TAKE_OFF): Phase.TAKEOFF,
-        (Phase.TAKEOFF, Event.CLIMBED): Phase.FLYING,
-        (Phase.TAKEOFF, Event.NOT_LIFTED): Phase.ARMED,
-        (Phase.TAKEOFF, Event.LAND): Phase.LANDING,
-        (Phase.TAKEOFF, Event.DISARM): Phase.GROUND,
-        (Phase.TAKEOFF, Event.OVERRIDE): Phase.EMERGENCY,
-        (Phase.FLYING, Event.TAKE_OFF): Phase.TAKEOFF,
-        (Phase.FLYING, Event.LAND): Phase.LANDING,
-        (Phase.FLYING, Event.DISARM): Phase.GROUND,
-        (Phase.FLYING, Event.OVERRIDE): Phase.EMERGENCY,
-        (Phase.LANDING, Event.TOUCHED_DOWN): Phase.ARMED,
-        (Phase.LANDING, Event.DISARM): Phase.GROUND,
-        (Phase.LANDING, Event.OVERRIDE): Phase.EMERGENCY,
-        (Phase.EMERGENCY, Event.ARM): Phase.FLYING,
-        (Phase.EMERGENCY, Event.DISARM): Phase.GROUND,
-        (Phase.EMERGENCY, Event.LAND): Phase.LANDING,
-    }
+
+class Effect(StrEnum):
+    """What a transition does to the task of the vehicle."""
+
+    NONE = "none"
+    INTERRUPT = "interrupt"  # it continues when the transmitter gateway returns the vehicle
+    CONTINUE = "continue"  # what was interrupted
+    HOLD = "hold"  # the present place becomes the set point
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One row: in any of `phases`, the event leads to `target`."""
+
+    phases: tuple[Phase, ...]
+    event: Event
+    target: Phase
+    effect: Effect = Effect.NONE
+
+
+_P, _E = Phase, Event
+TRANSITIONS: Final = (
+    Transition((_P.GROUND,), _E.ARM, _P.ARMED),
+    Transition((_P.GROUND, _P.ARMED), _E.RESUME, _P.FLYING, Effect.HOLD),
+    Transition((_P.ARMED, _P.TAKEOFF, _P.FLYING, _P.LANDING, _P.EMERGENCY), _E.DISARM, _P.GROUND),
+    Transition((_P.ARMED, _P.FLYING), _E.TAKE_OFF, _P.TAKEOFF),
+    Transition((_P.TAKEOFF,), _E.CLIMBED, _P.FLYING),
+    Transition((_P.TAKEOFF,), _E.NOT_LIFTED, _P.ARMED),
+    Transition((_P.TAKEOFF, _P.FLYING, _P.EMERGENCY), _E.LAND, _P.LANDING),
+    Transition((_P.LANDING,), _E.TOUCHED_DOWN, _P.ARMED),
+    Transition((_P.TAKEOFF, _P.FLYING, _P.LANDING), _E.OVERRIDE, _P.EMERGENCY, Effect.INTERRUPT),
+    Transition((_P.EMERGENCY,), _E.ARM, _P.FLYING, Effect.CONTINUE),
 )
-"""Pairs that are not listed leave the phase as it is."""
+"""At most one row for a phase and an event; without one the phase stays as it is."""
+_ROWS: Final = {(phase, row.event): row for row in TRANSITIONS for phase in row.phases}
 
 AIRBORNE: Final = frozenset({Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.EMERGENCY})
 
 
-def next_phase(phase: Phase, event: Event) -> Phase:
-    """Phase after an event; unchanged if the event has no effect in this phase."""
-    return TRANSITIONS.get((phase, event), phase)
+def transition(phase: Phase, event: Event) -> Transition | None:
+    """Row of the table for an event; None if it has no effect in this phase."""
+    return _ROWS.get((phase, event))

@@ -228,7 +228,7 @@ class LeaderChanges:
     def update_subscriptions(self) -> None:
         """Subscribe to present and assigned leaders, and to those that requests wait for."""
         guidance = self.pilot.guidance
-        followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
+        followed = {link.leader for link in (*guidance.task.followed, *guidance.task.assigned)}
         self.plans.subscribe_to(
             followed.union(
                 self._regrouping.leaders,

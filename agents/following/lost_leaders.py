@@ -44,15 +44,15 @@ class LostLeaders:
 
     def expect(self) -> None:
         """Assume that the leaders are here now: an agent that restarts waits for them again."""
-        self._assigned, self._here_s = self.pilot.guidance.assigned, self.clock()
+        self._assigned, self._here_s = self.pilot.guidance.task.assigned, self.clock()
 
     def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
         """Update the following mode by the leaders' newest plans; return whether the leaders change."""
         guidance = self.pilot.guidance
-        if guidance.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
-            self._assigned, self._here_s = guidance.assigned, None
+        if guidance.task.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
+            self._assigned, self._here_s = guidance.task.assigned, None
             self.following_mode, self._successor = FollowingMode.FOLLOW, None
-        if not guidance.assigned or guidance.phase is not Phase.FLYING:
+        if not guidance.task.assigned or guidance.phase is not Phase.FLYING:
             return False
         finding = self._finding(plans)
         policy, successor = self.succession.policy, None
@@ -113,6 +113,6 @@ class LostLeaders:
             guidance.land(self.pilot.estimate, self.pilot.clock.time_s)
             return False
         if before in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
-            guidance.follow_instead(guidance.assigned)
+            guidance.follow_instead(guidance.task.assigned)
             return True
         return False

@@ -99,7 +99,7 @@ class TrajectoryRequests:
             incoming.answer(reply_of(problem))
             return True
         guidance, time_s = self.pilot.guidance, self.pilot.clock.time_s
-        present = guidance.source.sample(time_s, 1.0, 1).samples[0]
+        present = guidance.task.source.sample(time_s, 1.0, 1).samples[0]
         run_in_s = run_in_time_s(path, present)
         whole = begun_from(path, present, run_in_s)
         problem = self._problem(whole, run_in_s, self.formation_check())
@@ -243,7 +243,7 @@ class RequestHandler:
             self.settings.vehicle,
             self.pilot.estimate.motion[:3],
             request.height_m,
-            tuple(target_link(link) for link in guidance.assigned),
+            tuple(target_link(link) for link in guidance.task.assigned),
             self.peers.statuses(),
             self.settings.room,
         )

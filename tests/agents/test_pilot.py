@@ -175,8 +175,8 @@ def test_a_landing_goes_on_after_the_gateway_has_held_the_vehicle() -> None:
 def test_a_take_off_goes_on_to_its_height_after_the_gateway_has_held_the_vehicle() -> None:
     pilot = airborne(noted())
     guidance = pilot.guidance
-    guidance.on_event(Event.DISARM, pilot.estimate)
-    guidance.on_event(Event.ARM, pilot.estimate)
+    guidance.on_event(Event.DISARM, pilot.estimate, pilot.clock.time_s)
+    guidance.on_event(Event.ARM, pilot.estimate, pilot.clock.time_s)
     assert guidance.take_off(pilot.estimate, 0.7, pilot.clock.time_s) is None
     end_m, _ = guidance.set_point()
     for state in ("hold", "descend", "hold"):
@@ -191,13 +191,13 @@ def test_a_take_off_goes_on_to_its_height_after_the_gateway_has_held_the_vehicle
 
 def test_a_take_off_that_was_interrupted_and_ended_on_the_floor_is_forgotten() -> None:
     pilot = airborne(noted())
-    pilot.guidance.on_event(Event.DISARM, pilot.estimate)
-    pilot.guidance.on_event(Event.ARM, pilot.estimate)
+    pilot.guidance.on_event(Event.DISARM, pilot.estimate, pilot.clock.time_s)
+    pilot.guidance.on_event(Event.ARM, pilot.estimate, pilot.clock.time_s)
     pilot.guidance.take_off(pilot.estimate, 0.7, pilot.clock.time_s)
     pilot.note_applied("hold", 0, HOVER)
     pilot.note_applied("cut", 0, np.zeros(4))
     assert pilot.guidance.phase is Phase.GROUND
-    pilot.guidance.on_event(Event.RESUME, pilot.estimate)
+    pilot.guidance.on_event(Event.RESUME, pilot.estimate, pilot.clock.time_s)
     pilot.note_applied("armed", 0, HOVER)
     assert pilot.guidance.phase is Phase.FLYING
 
@@ -208,7 +208,7 @@ def test_who_was_held_while_it_flew_flies_on_even_if_it_landed_before() -> None:
     pilot.note_applied("hold", 0, HOVER)
     pilot.note_applied("cut", 0, np.zeros(4))
     assert pilot.guidance.phase is Phase.GROUND
-    pilot.guidance.on_event(Event.RESUME, pilot.estimate)
+    pilot.guidance.on_event(Event.RESUME, pilot.estimate, pilot.clock.time_s)
     pilot.note_applied("hold", 0, HOVER)
     pilot.note_applied("armed", 0, HOVER)
     assert pilot.guidance.phase is Phase.FLYING
@@ -254,7 +254,7 @@ def test_events_before_the_first_pose_change_nothing() -> None:
     pilot = noted()
     pilot.note_applied("armed", 0, np.zeros(4))
     assert pilot.guidance.phase is Phase.GROUND
-    pilot.guidance.on_event(Event.TAKE_OFF, pilot.estimate)
+    pilot.guidance.on_event(Event.TAKE_OFF, pilot.estimate, pilot.clock.time_s)
     assert pilot.guidance.phase is Phase.GROUND
 
 

@@ -23,7 +23,7 @@ def at(position_m: tuple[float, float, float], yaw_rad: float = 0.0, climb_m_s: 
 
 def flying(links: tuple[FollowedLeader, ...] = (), estimate: Estimate = ALOFT) -> Guidance:
     guidance = Guidance(links)
-    guidance.on_event(Event.RESUME, estimate)
+    guidance.on_event(Event.RESUME, estimate, 0.0)
     return guidance
 
 
@@ -60,5 +60,5 @@ def reference(
 
 def armed() -> Guidance:
     guidance = Guidance()
-    guidance.on_event(Event.ARM, FLOOR)
+    guidance.on_event(Event.ARM, FLOOR, 0.0)
     return guidance

@@ -84,11 +84,11 @@ class HandlerBench:
 
     def fly(self) -> None:
         self.see()
-        self.pilot.guidance.on_event(Event.RESUME, still(UP))
+        self.pilot.guidance.on_event(Event.RESUME, still(UP), self.pilot.clock.time_s)
 
     def arm(self) -> None:
         self.see((0.1, 0.2, 0.0))
-        self.pilot.guidance.on_event(Event.ARM, self.pilot.estimate)
+        self.pilot.guidance.on_event(Event.ARM, self.pilot.estimate, self.pilot.clock.time_s)
 
     def ask(self, request: Request) -> Asked:
         """Answer a request, also one that is checked ahead."""

@@ -229,7 +229,7 @@ class Rig:
         if not self._vehicles[event.vehicle].as_published:
             models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
             links = {
-                name: tuple(target_link(link) for link in pilot.guidance.followed)
+                name: tuple(target_link(link) for link in pilot.guidance.task.followed)
                 for name, pilot in self.pilots.items()
             }
             limits = profile_limits_of(links, models, event.vehicle)
@@ -347,7 +347,9 @@ class Rig:
         """True `station_of` the leaders with the present offsets."""
         if not pilot.guidance.follows:
             return UNKNOWN
-        links = [link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.followed]
+        links = [
+            link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.task.followed
+        ]
         motions = {link.leader: np.array(self.laboratory.plants[link.leader].motion) for link in links}
         return station_of(links, motions)
 

@@ -114,7 +114,7 @@ def test_a_follower_of_several_takes_the_weighted_mean_and_goes_on_with_those_it
 def test_lead_holds_the_place_and_forgets_the_leaders() -> None:
     guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     guidance.lead(ALOFT)
-    assert guidance.followed == ()
+    assert guidance.task.followed == ()
     assert not guidance.follows
     path = reference(guidance, {"h1": standing_leader((5.0, 5.0, 1.0))})
     assert path.position_m[-1] == pytest.approx(ALOFT.motion[:3])
@@ -124,11 +124,11 @@ def test_a_new_offset_is_reached_in_the_time_that_was_asked_for() -> None:
     guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     plans = {"h1": standing_leader((0.7, 0.1, 1.0))}
     guidance.follow([FollowedLeader("h1", offset(0.5))], plans, ALOFT, 10.0, 4.0)
-    begin = guidance.followed[0].offset_at(10.0).position_m
+    begin = guidance.task.followed[0].offset_at(10.0).position_m
     assert begin == pytest.approx(ALOFT.motion[:3] - [0.7, 0.1, 1.0])
-    middle = guidance.followed[0].offset_at(12.0).position_m
+    middle = guidance.task.followed[0].offset_at(12.0).position_m
     assert middle == pytest.approx((begin + np.array([0.5, 0.0, 0.0])) / 2)
-    assert guidance.followed[0].offset_at(14.0).position_m == pytest.approx([0.5, 0.0, 0.0])
+    assert guidance.task.followed[0].offset_at(14.0).position_m == pytest.approx([0.5, 0.0, 0.0])
 
 
 def test_a_transition_of_no_time_is_there_at_once() -> None:
@@ -141,7 +141,7 @@ def test_a_transition_of_no_time_is_there_at_once() -> None:
 def test_a_vehicle_on_the_floor_may_be_told_to_follow_and_does_so_in_the_air() -> None:
     guidance = armed()
     guidance.follow([FollowedLeader("h1", offset(0.5))], {}, FLOOR, 0.0, None)
-    assert guidance.followed[0].leader == "h1"
+    assert guidance.task.followed[0].leader == "h1"
     assert not guidance.follows
     guidance.take_off(FLOOR, 1.0, 0.0)
     assert not guidance.follows

@@ -57,7 +57,7 @@ def test_a_leader_without_a_plan_is_refused_after_a_moment_and_the_old_one_stays
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     bench.changes.decide()
     assert second.refusal == "no plan from h2: its agent sends nothing"
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h1"]
     assert bench.plan_bus.open_names() == ["h1"]
 
 
@@ -70,7 +70,7 @@ def test_following_begins_as_soon_as_the_plan_is_here(bench: HandlerBench) -> No
     bench.plan_bus.deliver(plan_of("h2"))
     bench.changes.decide()
     assert asked.refusal is None
-    assert [(link.leader, link.duration_s) for link in bench.pilot.guidance.followed] == [
+    assert [(link.leader, link.duration_s) for link in bench.pilot.guidance.task.followed] == [
         ("h1", 3.0),
         ("h2", 3.0),
     ]
@@ -99,7 +99,7 @@ def test_a_request_that_waits_is_refused_once_a_later_one_is_accepted(bench: Han
     bench.plan_bus.deliver(plan_of("h1"))
     bench.changes.decide()
     assert first.refusal == second.refusal == "overtaken by another change of leaders"
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h2"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h2"]
     assert bench.plan_bus.open_names() == ["h2"]
 
 
@@ -110,7 +110,7 @@ def test_a_promise_holds_if_a_later_request_is_refused(bench: HandlerBench) -> N
     assert later.refusal is not None
     bench.plan_bus.deliver(plan_of("h1"))
     bench.changes.decide()
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h1"]
 
 
 def test_a_cycle_is_refused_with_the_line_that_leads_back(bench: HandlerBench) -> None:
@@ -119,7 +119,7 @@ def test_a_cycle_is_refused_with_the_line_that_leads_back(bench: HandlerBench) -
     bench.plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9")))
     bench.changes.decide()
     assert asked.refusal == "a cycle: h9 follows h1 follows h2 follows h9"
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
 
 
@@ -129,7 +129,7 @@ def test_lead_forgets_the_leaders_and_their_plans(bench: HandlerBench) -> None:
     bench.plan_bus.deliver(plan_of("h1"))
     bench.changes.decide()
     assert bench.ask(Lead()).refusal is None
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
 
 
@@ -165,7 +165,7 @@ def test_offsets_that_lead_out_or_too_close_are_refused_and_nothing_changes(
     say(bench, "h1", hovering((0.0, 0.0, 1.0)))
     say(bench, "h2", hovering((0.5, 0.5, 1.0), LeaderLink(leader="h1", offset_m=(0.5, 0.5, 0.0))))
     assert follow_at(bench, offset_m).refusal == words
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
     assert bench.pilot.guidance.set_point()[0] == pytest.approx(UP)
 
@@ -237,10 +237,10 @@ def promised(bench: HandlerBench, *names: str) -> Asked:
 def test_a_leader_that_says_it_flies_is_accepted_before_its_first_plan(bench: HandlerBench) -> None:
     asked = promised(bench, "h1")
     assert asked.answers[0].reason == "h9 follows h1"
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     bench.plan_bus.deliver(plan_of("h1"))
     assert bench.changes.decide()
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h1"]
     assert len(asked.answers) == 1
     assert not bench.changes.decide()
 
@@ -275,7 +275,7 @@ def test_a_promised_leader_whose_plan_never_comes_is_counted_and_nothing_changes
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     bench.changes.decide()
     assert bench.changes.events["promised_leader_missing"] == 1
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
 
 
@@ -286,9 +286,9 @@ def test_the_last_word_counts_while_a_plan_is_on_its_way(bench: HandlerBench) ->
     bench.plan_bus.deliver(plan_of("h1"))
     bench.plan_bus.deliver(plan_of("h2"))
     bench.changes.decide()
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h2"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h2"]
     promised(bench, "h1")
     assert bench.ask(Lead()).refusal is None
     bench.plan_bus.deliver(plan_of("h1"))
     bench.changes.decide()
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()

@@ -53,7 +53,7 @@ class Orphan:
         self.pilot.observe(
             StampedMeasurement(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0))
         )
-        self.pilot.guidance.on_event(Event.RESUME, still((-0.5, 0.0, 1.0)))
+        self.pilot.guidance.on_event(Event.RESUME, still((-0.5, 0.0, 1.0)), 0.0)
 
     def fly(self, seconds: float, *plans: str, followable: bool = True) -> None:
         """Fly on; only these vehicles give plans."""
@@ -85,7 +85,7 @@ class Orphan:
 
     @property
     def followed(self) -> list[str]:
-        return [link.leader for link in self.pilot.guidance.followed]
+        return [link.leader for link in self.pilot.guidance.task.followed]
 
 
 def test_a_follower_uses_the_last_plan_and_then_holds_its_place() -> None:
@@ -131,9 +131,9 @@ def test_the_others_follow_the_heir_and_keep_their_places() -> None:
     orphan.fly(3.0, "h2")
     assert orphan.modes[-1] is FollowingMode.FOLLOW_SUCCESSOR
     assert orphan.followed == ["h2"]
-    (link,) = orphan.pilot.guidance.followed
+    (link,) = orphan.pilot.guidance.task.followed
     assert link.target.position_m == pytest.approx([-1.0, -0.5, 0.0])
-    assert [link.leader for link in orphan.pilot.guidance.assigned] == ["h1"]
+    assert [link.leader for link in orphan.pilot.guidance.task.assigned] == ["h1"]
     orphan.fly(1.0, "h1", "h2")
     assert orphan.followed == ["h1"]
 

@@ -46,11 +46,11 @@ def test_prepared_leaders_are_taken_at_their_frame_and_not_before(bench: Handler
     assert bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=12)).refusal is None
     for _ in range(2):
         bench.changes.apply_prepared()
-        assert bench.pilot.guidance.followed == ()
+        assert bench.pilot.guidance.task.followed == ()
         bench.see()
     assert bench.pilot.clock.current_frame == 12
     bench.changes.apply_prepared()
-    assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
+    assert [link.leader for link in bench.pilot.guidance.task.followed] == ["h1"]
     assert set(bench.leaders.plans(bench.pilot.clock, bench.changes.cycles_from)) == {"h1"}
 
 
@@ -61,7 +61,7 @@ def test_a_follower_that_shall_lead_keeps_the_place_it_is_given(bench: HandlerBe
     assert bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11)).refusal is None
     bench.see()
     bench.changes.apply_prepared()
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
     position_m, yaw_rad = bench.pilot.guidance.set_point()
     assert (*position_m, yaw_rad) == pytest.approx((0.2, 0.3, 1.1, 0.5))
@@ -73,11 +73,11 @@ def test_a_vehicle_that_lands_meanwhile_goes_on_landing(bench: HandlerBench) -> 
     bench.ask(prepare(place=(0.2, 0.3, 1.1)))
     bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11))
     assert bench.ask(Land()).refusal is None
-    descent = bench.pilot.guidance.source
+    descent = bench.pilot.guidance.task.source
     bench.see()
     bench.changes.apply_prepared()
     assert bench.pilot.guidance.phase is Phase.LANDING
-    assert bench.pilot.guidance.source is descent
+    assert bench.pilot.guidance.task.source is descent
     assert bench.changes.events == {"regrouping_missed": 1}
 
 
@@ -87,7 +87,7 @@ def test_withdrawn_leaders_are_never_taken(bench: HandlerBench) -> None:
     assert bench.ask(WithdrawLeaders(operation="swap_1")).refusal is None
     bench.see()
     bench.changes.apply_prepared()
-    assert bench.pilot.guidance.followed == ()
+    assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
 
 

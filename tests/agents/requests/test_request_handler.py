@@ -233,7 +233,7 @@ def test_a_trajectory_that_was_checked_is_refused_if_the_vehicle_lands_meanwhile
 def test_a_way_to_the_beginning_that_leads_out_is_refused(bench: HandlerBench) -> None:
     bench.fly()
     say(bench, "h2", hovering((0.1, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.0, 0.9))))
-    bench.pilot.guidance.source = SetPointReference(np.array([0.0, 0.0, 1.5]), 0.0)
+    bench.pilot.guidance.task.source = SetPointReference(np.array([0.0, 0.0, 1.5]), 0.0)
     assert bench.ask(trajectory_to(0.4)).refusal == (
         "on the way to its beginning, h2 would leave: z: 2.4 m is outside the flight volume 0 .. 2 m"
     )
@@ -306,7 +306,7 @@ def test_a_leader_goes_smoothly_and_turns_slowly_for_those_it_carries_round(
             abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
             say(bench, "h2", hovering((0.0, 0.6, 1.0), abreast))
         assert bench.ask(turned).refusal is None
-        source, time_s = bench.pilot.guidance.source, bench.pilot.clock.time_s
+        source, time_s = bench.pilot.guidance.task.source, bench.pilot.clock.time_s
         start = source.sample(time_s, 0.02, 1).samples[0]
         assert start[:4] == pytest.approx([0.3, 0.0, 1.0, 1.5] if frame is None else [0.0, 0.0, 1.0, 0.0])
         assert bench.pilot.guidance.set_point()[1] == 1.5

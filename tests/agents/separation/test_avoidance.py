@@ -169,7 +169,7 @@ def test_a_default_controller_that_flew_for_another_one_avoids_no_vehicle_that_h
 def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
     pilot = pilot_with("cascade")
     pilot.control({}, ACROSS)
-    pilot.guidance.on_event(Event.LAND, pilot.estimate)
+    pilot.guidance.on_event(Event.LAND, pilot.estimate, pilot.clock.time_s)
     for _ in range(3):
         pilot.control({}, ACROSS)
     assert pilot.avoidance.ticks == 0

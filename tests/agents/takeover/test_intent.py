@@ -129,7 +129,7 @@ def test_guidance_of_a_successor_asks_for_the_same_reference(
         (task_of(received_intent(task, time_s), own_time_s, 0.0), own_time_s),
     ):
         guidance = Guidance()
-        guidance.on_event(Event.RESUME, still(UP))
+        guidance.on_event(Event.RESUME, still(UP), 0.0)
         guidance.restore(restored, still(UP), now_s)
         references.append(guidance.references(plans, still(UP), now_s, 0.06, 0.02, 40).flown.samples)
     assert references[1] == pytest.approx(references[0], abs=1e-5)
@@ -151,14 +151,14 @@ def test_offsets_wait_for_the_first_plan_after_a_restart() -> None:
         Phase.FLYING, SetPointReference(np.array(UP), 0.0), (link,), (resting,), frozenset({"h1"}), 0.0
     )
     guidance = Guidance()
-    guidance.on_event(Event.RESUME, still(UP))
+    guidance.on_event(Event.RESUME, still(UP), 0.0)
     guidance.restore(task, still(UP), 1.0)
     guidance.references({}, still(UP), 1.0, 0.0, 0.02, 10)
     guidance.references({"h1": plan(0.0)}, still(UP), 1.1, 0.0, 0.02, 10)
-    assert guidance.followed == (link,)
+    assert guidance.task.followed == (link,)
     guidance.references({}, still(UP), 1.5, 0.0, 0.02, 10)
     guidance.references({"h1": plan(0.0)}, still(UP), 1.6, 0.0, 0.02, 10)
-    assert guidance.followed[0].start_s == 1.6, "later a leader that was missing is joined anew"
+    assert guidance.task.followed[0].start_s == 1.6, "later a leader that was missing is joined anew"
 
 
 def test_a_way_to_a_set_point_is_none_of_a_trajectory_after_a_restart() -> None:
@@ -166,21 +166,20 @@ def test_a_way_to_a_set_point_is_none_of_a_trajectory_after_a_restart() -> None:
     goal_m = np.array([1.0, 0.0, 1.0])
     way = smooth_way(limits, goal_m, 0.0, SetPointReference(np.array(UP), 0.0), 0.0)
     guidance = Guidance()
-    guidance.on_event(Event.RESUME, still(UP))
+    guidance.on_event(Event.RESUME, still(UP), 0.0)
     task = Task(Phase.FLYING, way, (), (), frozenset(), 0.0)
     guidance.restore(task_of(received_intent(task, 0.1), 0.1, 0.0), still(UP), 0.1)
     assert guidance.path_left_s(0.1) == 0.0
     # The transmitter gateway holds the vehicle for a moment.
-    guidance.on_event(Event.OVERRIDE, still(UP))
-    guidance.on_event(Event.ARM, still(UP))
-    guidance.resume_interrupted(still(UP), 0.2)
+    guidance.on_event(Event.OVERRIDE, still(UP), 0.0)
+    guidance.on_event(Event.ARM, still(UP), 0.2)
     assert guidance.set_point()[0] == pytest.approx(goal_m)
     assert not guidance.events["trajectory_given_up"]
 
 
 def test_a_task_of_before_the_flight_is_not_flown() -> None:
     guidance = Guidance()
-    guidance.on_event(Event.RESUME, still(UP))
+    guidance.on_event(Event.RESUME, still(UP), 0.0)
     task = Task(Phase.ARMED, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
     guidance.restore(task, still(UP), 1.0)
     assert guidance.set_point()[0] == pytest.approx(UP)
@@ -190,10 +189,10 @@ def test_a_landing_goes_on_where_it_was() -> None:
     descent = smooth_move(np.array(UP), np.array([0.1, 0.2, -0.3]), 0.0, 2.0, 0.4)
     task = Task(Phase.LANDING, descent, (), (), frozenset(), 0.0)
     guidance = Guidance()
-    guidance.on_event(Event.RESUME, still(UP))
+    guidance.on_event(Event.RESUME, still(UP), 0.0)
     guidance.restore(task_of(received_intent(task, 4.0), 10.0, 0.5), still(UP), 10.0)
     assert guidance.phase is Phase.LANDING
-    now = guidance.source.sample(10.0, 0.02, 10).samples
+    now = guidance.task.source.sample(10.0, 0.02, 10).samples
     assert now == pytest.approx(descent.sample(4.5, 0.02, 10).samples, abs=1e-9)
 
 

@@ -144,7 +144,7 @@ def test_unknown_controllers_are_refused_by_name() -> None:
 
 def test_on_the_floor_a_change_takes_over_before_the_take_off() -> None:
     flight = HoveringFlight("cascade")
-    flight.pilot.guidance.on_event(Event.DISARM, flight.pilot.estimate)
+    flight.pilot.guidance.on_event(Event.DISARM, flight.pilot.estimate, flight.pilot.clock.time_s)
     assert isinstance(flight.change(controller="lqr"), str)
     flight.fly(1)
     assert not flight.flown[-1].input.any()
