@@ -67,7 +67,8 @@ def _hover(values: Diagnostics) -> str:
     return "" if values.hover_thrust is None else f"hovers at {100 * values.hover_thrust:.0f} % of the thrust"
 
 
-def _voltage(status: TransmitterStatus) -> str:
+def voltage(status: TransmitterStatus) -> str:
+    """Return the voltage of the battery and a bar of what it has left; empty if it is unknown."""
     battery = status.battery
     if battery is None:
         return ""
@@ -76,7 +77,8 @@ def _voltage(status: TransmitterStatus) -> str:
     return f"{bar}{battery.voltage_v:.2f} V"
 
 
-def _battery_low(state: VehicleState) -> bool:
+def battery_low(state: VehicleState) -> bool:
+    """Whether the voltage is below that of a take-off."""
     battery = None if state.transmitter is None else state.transmitter.battery
     return battery is not None and battery.low
 
@@ -127,7 +129,7 @@ QUANTITIES = (
         _diagnostics(lambda values: f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms"),
         16,
     ),
-    Quantity("voltage", _transmitter(_voltage), 16, _battery_low),
+    Quantity("voltage", _transmitter(voltage), 16, battery_low),
     Quantity("radio", _transmitter(lambda status: f"{status.link}, {status.module}"), 14),
     *(Quantity(f"latency {stage}, p50 / p99 / max", _latency(stage), 20) for stage in (TOTAL, *STAGES)),
     Quantity("estimator", _diagnostics(lambda values: values.estimator)),

@@ -93,8 +93,8 @@ class AutopilotState:
                 self.attitude_rad, self._attitude_s = attitude_rad, now_s
             case "SYS_STATUS":
                 self._judge_health(message)
-                if message.voltage_battery != NO_VOLTAGE:
-                    self.voltage_v = 0.001 * message.voltage_battery
+                reported = message.voltage_battery != NO_VOLTAGE
+                self.voltage_v = 0.001 * message.voltage_battery if reported else None
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
                 self._text = self._texts.take(message, now_s) or self._text
                 if self._text and self.complaint.startswith(UNEXPLAINED):

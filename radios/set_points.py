@@ -14,7 +14,8 @@ from msgspec import Struct
 from rcopterx.radios import protocol as base
 
 FULL_STICK_US = 400.0
-VOLTAGE_KEPT_S = 10.0  # vehicles report it once a second
+VOLTAGE_KEPT_S = 3.0  # vehicles report it once a second
+VOLTAGES_V = (1.0, 100.0)  # others are reported by a sensor that is broken or missing
 LOW_US = base.CENTER_US - FULL_STICK_US
 
 
@@ -132,8 +133,10 @@ class SetPointRadio(base.RadioProtocol):
         return self._voltage_v if now_s - self._voltage_s <= VOLTAGE_KEPT_S else None
 
     def _report_voltage(self, voltage_v: float | None, now_s: float) -> None:
-        """Keep a voltage that the vehicle has reported now."""
-        self._voltage_v, self._voltage_s = voltage_v, now_s
+        """Keep a voltage that the vehicle has reported now; one that no battery has is unknown."""
+        lowest_v, highest_v = VOLTAGES_V
+        plausible = voltage_v is not None and lowest_v <= voltage_v <= highest_v
+        self._voltage_v, self._voltage_s = (voltage_v if plausible else None), now_s
 
     @abstractmethod
     def _problem(self, now_s: float) -> str | None:

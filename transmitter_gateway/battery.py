@@ -18,6 +18,7 @@ class BatteryWatch:
     def __init__(self, limits: BatteryLimits) -> None:
         self._limits = limits
         self._voltage_v: float | None = None
+        self._weak_v: float | None = None  # too low for a take-off, until a higher one is reported
         self._low_since_s: float | None = None
         self._empty = False
 
@@ -25,8 +26,11 @@ class BatteryWatch:
         """Take the newest voltage, if known; a vehicle that was not `there` may have another battery."""
         self._voltage_v = voltage_v
         if not there and not flying:
-            self._empty = False
-        if voltage_v is None or voltage_v >= (self._limits.land_v or 0.0):
+            self._empty, self._weak_v, self._low_since_s = False, None, None
+        if voltage_v is None:
+            return
+        self._weak_v = voltage_v if voltage_v < (self._limits.warn_v or 0.0) else None
+        if voltage_v >= (self._limits.land_v or 0.0):
             self._low_since_s = None
             return
         if self._low_since_s is None:
@@ -39,13 +43,9 @@ class BatteryWatch:
         now = "" if self._voltage_v is None else f", {self._voltage_v:.2f} V now"
         if self._empty:
             return f"battery empty: below {self._limits.land_v:g} V for {PATIENCE_S:g} s{now}; charge it"
-        if self._low and not flying:
-            return f"battery at {self._voltage_v:.2f} V, take-off needs {self._limits.warn_v:g} V: charge it"
+        if self._weak_v is not None and not flying:
+            return f"battery at {self._weak_v:.2f} V, take-off needs {self._limits.warn_v:g} V: charge it"
         return None
-
-    @property
-    def _low(self) -> bool:
-        return self._voltage_v is not None and self._voltage_v < (self._limits.warn_v or 0.0)
 
     @property
     def status(self) -> Battery | None:
@@ -57,4 +57,4 @@ class BatteryWatch:
         if full_v and full_v > empty_v:
             share = min(max((self._voltage_v - empty_v) / (full_v - empty_v), 0.0), 1.0)
         shown_v = min(max(self._voltage_v, 0.0), MAX_MAGNITUDE)  # a message with more would be rejected
-        return Battery(voltage_v=shown_v, share=share, low=self._low or self._empty)
+        return Battery(voltage_v=shown_v, share=share, low=self._weak_v is not None or self._empty)

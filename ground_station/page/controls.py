@@ -14,7 +14,7 @@ from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.steering import SHAPES, PageSteering
-from rcopterx.ground_station.quantities import QUANTITIES
+from rcopterx.ground_station.quantities import QUANTITIES, battery_low, voltage
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, X, Y, Z
@@ -252,6 +252,11 @@ def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence
         for state in states
         if state.agent is not None
         for remark in state.agent.diagnostics.remarks
+    ]
+    alarms += [
+        f"{state.name}: low voltage: {voltage(state.transmitter)}"
+        for state in states
+        if state.transmitter is not None and state.airborne and battery_low(state)
     ]
     lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
     lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]

@@ -16,6 +16,8 @@ from integration_support import (
 from radio_support import RadioLog, kill_gateway_in_flight, module
 from support.radio_addresses import radio_paths
 
+from rcopterx.ground_station.page.controls import banner
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
 
@@ -23,6 +25,8 @@ pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout
 
 Launch = Callable[..., Flying]
 UNTHRUSTED_US = 1110.0
+WEAK = "[vehicles.h3.battery]\nwarn_v = 4.18\nland_v = 4.165"
+"""The voltage of an emulated battery falls by 0.1 V in 26 s of flight."""
 STOPPED_S = 1.0
 """Very loose, for a busy machine; `test_kill_times` measures."""
 
@@ -63,3 +67,29 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     fleet.wait_until(lambda: module(flying, "h3").startswith("ready"), 30, "does not start")
     fleet.land(["h1", "h2"])
     fleet.wait_until(lambda: all(landed_gently(truth, name) for name in ("h1", "h2")), 30, "not landed")
+
+
+def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_no_more(
+    launch: Launch,
+) -> None:
+    text = of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3))
+    flying = launch(f"{text}\n{WEAK}\n")
+    fleet, truth = flying.fleet, Truth(flying)
+    fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
+
+    def shown() -> str:
+        return banner("lab", [fleet.state_of(name) for name in NAMES], fleet.problems())
+
+    fleet.wait_until(lambda: "h3: low voltage: " in shown(), 30, "no warning")
+    assert fleet.state_of("h3").airborne
+    fleet.wait_until(lambda: transmitter_state(flying, "h3") == "land", 30, "does not land")
+    assert "battery empty: below 4.165 V for 5 s" in fleet.state_of("h3").reason
+    fleet.wait_until(lambda: transmitter_state(flying, "h3") in ("cut", "disarmed"), 30, "not landed")
+    vehicle = truth("h3")
+    assert vehicle is not None
+    assert vehicle.on_floor
+    assert vehicle.touchdown_speed_m_s < 1.0
+    assert "battery empty" in "".join(fleet.problems(["h3"]))
+    with pytest.raises(RefusedError):
+        fleet["h3"].take_off(0.7)
+    assert all(flown_by(flying, name) is not None for name in ("h1", "h2"))

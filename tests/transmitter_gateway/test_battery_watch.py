@@ -1,14 +1,20 @@
 """Promises of the battery's voltage: no take-off with a weak battery, and a landing before it is empty."""
 
+import math
+import struct
+
 import msgspec
 import pytest
 from firmware_bench import FirmwareBench
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from rcopterx.bus.messages import Battery
 from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
+from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG
+from rcopterx.radios.crtp import Packet
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyflie_log import EMPTY_V, ENDURANCE_S, FULL_V
 from rcopterx.transmitter_gateway.battery import PATIENCE_S, BatteryWatch
@@ -17,11 +23,26 @@ from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 LIMITS = BatteryLimits(warn_v=3.2, land_v=3.0, full_v=4.2)
 
 
+class OddCrazyflie(Crazyflie):
+    """A firmware whose measurement of the voltage breaks: `odd` replaces its reports."""
+
+    odd: list[float] | None = None
+
+    def receive(self, raw: bytes, now_s: float) -> list[bytes]:
+        packets = map(Packet.from_bytes, super().receive(raw, now_s))
+        return [changed.to_bytes() for packet in packets for changed in self._changed(packet)]
+
+    def _changed(self, packet: Packet) -> list[Packet]:
+        if self.odd is None or (packet.port, packet.channel) != (LOG, DATA_CHANNEL):
+            return [packet]
+        return [replace(packet, data=packet.data[:4] + struct.pack("<f", value)) for value in self.odd]
+
+
 class Bench(FirmwareBench):
     """A Crazyflie with a battery."""
 
     def __init__(self, limits: BatteryLimits = LIMITS) -> None:
-        self.vehicle = Crazyflie(CrazyflieSettings())
+        self.vehicle = OddCrazyflie(CrazyflieSettings())
         super().__init__(self.vehicle, CrazyflieProtocol(CrazyflieSettings()), battery=limits)
 
     @property
@@ -79,6 +100,30 @@ def test_a_dip_of_the_voltage_ends_no_flight() -> None:
     for now_s, voltage_v in ((0.0, 3.3), (1.0, 2.8), (5.0, 2.8), (5.5, 3.1), (6.0, 2.8), (10.0, 2.8)):
         watch.observe(voltage_v, now_s, there=True, flying=True)
         assert watch.problem(flying=True) is None
+
+
+def test_telemetry_that_stops_ends_no_flight_and_permits_no_take_off_that_was_forbidden() -> None:
+    watch = BatteryWatch(LIMITS)
+    watch.observe(2.9, 0.0, there=True, flying=True)
+    watch.observe(None, 3.0, there=True, flying=True)
+    watch.observe(None, 60.0, there=True, flying=True)
+    assert watch.problem(flying=True) is None
+    assert "2.90 V" in (watch.problem(flying=False) or "")
+    watch.observe(2.9, 61.0, there=True, flying=True)
+    assert "empty" in (watch.problem(flying=True) or ""), "a radio that reports rarely"
+
+
+@pytest.mark.parametrize("odd", [[], [0.0], [-3.0], [0.3], [1e30], [math.nan]], ids=str)
+def test_voltages_that_stop_or_that_no_battery_has_end_no_flight_and_are_not_shown(odd: list[float]) -> None:
+    bench = Bench()
+    assert bench.arm() == ""
+    bench.run(2.0)
+    assert " V, link" in bench.module
+    bench.vehicle.odd = odd
+    bench.run(2.0 * PATIENCE_S)
+    assert bench.state is State.ARMED
+    assert " V, link" not in bench.module
+    assert bench.transmitter.battery.status is None
 
 
 def test_an_empty_battery_stays_empty_when_its_voltage_recovers_on_the_floor() -> None:

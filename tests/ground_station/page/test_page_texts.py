@@ -61,6 +61,14 @@ def test_the_voltage_of_a_battery_is_a_bar_and_a_low_one_an_alarm() -> None:
     assert voltage.text(STATE) == ""
 
 
+def test_a_low_voltage_in_flight_is_in_the_banner() -> None:
+    battery = Battery(voltage_v=3.1, share=0.08, low=True)
+    low = replace(STATE, transmitter=structs.replace(ARMED, battery=battery))
+    assert "h1: low voltage: █░░░░░░░ 3.10 V" in banner("lab", [low], [])
+    fresh = replace(low, transmitter=structs.replace(ARMED, battery=structs.replace(battery, low=False)))
+    assert "voltage" not in banner("lab", [fresh], [])
+
+
 def test_events_are_listed_newest_first() -> None:
     shown = event_list([LoggedEvent(1.0, "h1", "first"), LoggedEvent(2.0, "h2", "second", True)], 300.0)
     assert shown.index("second") < shown.index("first")
