@@ -5,6 +5,7 @@ Both readers append a sentence to `remarks` for everything that the fleet file c
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -15,11 +16,16 @@ from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
 from rcopterx.fleet.reading import converted, text_of
 from rcopterx.fleet.schema import FleetError
+from rcopterx.radios.crtp import RadioAddress
+from rcopterx.radios.protocol import ProtocolError
+from rcopterx.radios.udp import UDP, udp_address
+from rcopterx.user_text import TextError, host_and_port, is_ipv6
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
 _PORTS = {"vicon": 801, **USUAL_PORTS}
 """Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
 MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
+ANY_DONGLE: Final = "radio://*/"
 SINGLE_MARKERS: Final = "librigidbodytracker"
 USED: Final = ("uri", "enabled", "initial_position", "type")
 """Keys of robots that are read, or that every robot has."""
@@ -73,19 +79,43 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
         raise FleetError(f"{path}: {error}") from None
     if all_robots := document.get("all"):
         remarks.append(f"all: {', '.join(map(str, all_robots))} not taken over")
-    placed = []
+    placed: list[PlacedVehicle] = []
     for (name, robot), raw in zip(robots.items(), file.robots.values(), strict=True):
         if not robot.enabled:
             continue
         remarks += [f"robots.{name}: {remark}" for remark in _losses(raw, file.robot_types)]
-        position_m = robot.initial_position
+        where, position_m = f"robots.{name}.initial_position", robot.initial_position
         if not all(map(math.isfinite, position_m)):
-            remarks.append(f"robots.{name}.initial_position: is not finite, (0, 0, 0) is used; set offset_m")
+            remarks.append(f"{where}: is not finite, (0, 0, 0) is used; set offset_m")
             position_m = (0.0, 0.0, 0.0)
-        placed.append(PlacedVehicle(name, robot.uri, position_m, _battery(path, raw, file.robot_types)))
+        elif same := [other.name for other in placed if other.position_m == position_m]:
+            remarks.append(f"{where}: is that of robots.{same[0]}; set offset_m")
+        uri = _address(path, name, robot.uri, remarks)
+        if same := [other.name for other in placed if other.port == uri]:
+            raise FleetError(f"{path}: robots.{name}.uri: {robot.uri!r} is already that of robots.{same[0]}")
+        placed.append(PlacedVehicle(name, uri, position_m, _battery(path, raw, file.robot_types)))
     if not placed:
         raise FleetError(f"{path}: no robot is enabled")
     return formation_of(path, placed, "cf")
+
+
+def _address(path: Path, name: str, uri: str, remarks: list[str]) -> str:
+    """Return the address of a robot without options of the link, or raise `FleetError`."""
+    where = f"robots.{name}.uri"
+    address, _, options = uri.partition("?")
+    if options:
+        remarks.append(f"{where}: {options} not taken over")
+    if address.startswith(ANY_DONGLE):
+        address = address.replace("*", "0", 1)
+        remarks.append(f"{where}: any dongle is not taken over, number 0 is used")
+    try:
+        if address.startswith(UDP):
+            udp_address(address)
+        else:
+            RadioAddress.of(address)
+    except ProtocolError as error:
+        raise FleetError(f"{path}: {where}: {error}") from None
+    return address
 
 
 def _type_of(robot: dict[str, Any], types: dict[Any, Any]) -> dict[str, Any]:
@@ -101,6 +131,8 @@ def _battery(path: Path, robot: dict[str, Any], types: dict[Any, Any]) -> dict[s
         battery = converted(_type_of(robot, types).get("battery") or {}, RobotBattery, where)
     except FleetError as error:
         raise FleetError(f"{path}: {error}") from None
+    if (battery.voltage_critical or 0.0) > (battery.voltage_warning or math.inf):
+        raise FleetError(f"{path}: {where}: voltage_warning must be at least voltage_critical")
     voltages = {"warn_v": battery.voltage_warning, "land_v": battery.voltage_critical}
     return {name: value for name, value in voltages.items() if value is not None}
 
@@ -146,15 +178,18 @@ def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
         raise FleetError(f"{path}: hostname: is missing")
     if document.get("rigid_bodies"):
         remarks.append(f"{path.name}: rigid_bodies, found from single markers, are not taken over")
-    host, port = parameters.hostname.strip(), str(_PORTS[parameters.type])
-    if host.count(":") == 1 and host.partition(":")[2].isdecimal():
-        host, _, port = host.partition(":")
-        remarks.append(
-            f"{path.name}: hostname {parameters.hostname!r} gives the port already: {port} is used"
-        )
-    return parameters.type, f"[{host}]:{port}" if ":" in host and not host.startswith(
-        "["
-    ) else f"{host}:{port}"
+    host = parameters.hostname.strip()
+    if is_ipv6(host):
+        host = f"[{host}]"
+    for address, remark in (
+        (f"{host}:{_PORTS[parameters.type]}", ""),
+        (host, f"{path.name}: hostname {parameters.hostname!r} gives the port already: it is used"),
+    ):
+        with suppress(TextError):
+            host_and_port(address)
+            remarks += filter(None, [remark])
+            return parameters.type, address
+    raise FleetError(f"{path}: hostname: {parameters.hostname!r} is neither a name nor an address")
 
 
 def _document(path: Path, remarks: list[str]) -> Any:

@@ -1,6 +1,5 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
-import ipaddress
 import os.path
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
@@ -14,6 +13,7 @@ from rcopterx.fleet.schema import (
     check_known,
     is_loopback,
 )
+from rcopterx.user_text import is_ipv6
 
 LARGEST_M: Final = 100.0  # of the coordinates of a flight volume, which is indoors
 
@@ -68,7 +68,7 @@ def _check_hosts(fleet: FleetFile) -> None:
     check_unique("hosts", "router_port", addresses)
     for name, address in addresses.items():
         host_address = fleet.hosts[name].address
-        if ":" in host_address and not _is_ipv6(host_address):
+        if ":" in host_address and not is_ipv6(host_address):
             raise FleetError(f"hosts.{name}.address: {host_address!r}: the port belongs into router_port")
         if not address.isascii():
             raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")
@@ -99,13 +99,6 @@ def _check_hosts(fleet: FleetFile) -> None:
             )
     for name in () if fleet.simulator is None else fleet.simulator.start:
         check_known(f"simulator.start.{name}", "vehicle", name, fleet.vehicles)
-
-
-def _is_ipv6(address: str) -> bool:
-    try:
-        return ipaddress.ip_address(address).version == 6
-    except ValueError:
-        return False
 
 
 def _check_security(fleet: FleetFile) -> None:

@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+import ipaddress
 import math
 import re
 from collections.abc import Iterator
@@ -46,11 +47,14 @@ def decoded(data: bytes) -> str:
 def rows_of(text: str) -> Iterator[Row]:
     """Yield the lines of a table with cells between commas, semicolons or tabs; blank lines are left out.
 
-    The first line decides which. Spaces around cells are removed. Raises `TextError`.
+    The first line decides which; it may be `sep=;`. Spaces around cells are removed. Raises `TextError`.
     """
     first = next(filter(str.strip, text.split("\n")), "")
     separator = max(SEPARATORS, key=first.count)
-    reader = csv.reader(text.splitlines(keepends=True), delimiter=separator)
+    lines = text.splitlines(keepends=True)
+    if first == f"sep={separator}" and text.startswith(first):
+        lines[0] = "\n"
+    reader = csv.reader(lines, delimiter=separator)
     line = 1
     try:
         for cells in reader:
@@ -75,10 +79,18 @@ def number_in(cell: str, where: str) -> float:
     return value
 
 
+def is_ipv6(address: str) -> bool:
+    """Whether a host is the literal of an IPv6 address."""
+    try:
+        return ipaddress.ip_address(address).version == 6
+    except ValueError:
+        return False
+
+
 def host_and_port(text: str) -> tuple[str, int]:
     """Return the parts of HOST:PORT, an IPv6 address being in brackets; raises `TextError`."""
     match = _ADDRESS.fullmatch(text)
-    if match is None or not 0 < int(match[3]) < 65536:
+    if match is None or not 0 < int(match[3]) < 65536 or (match[1] and not is_ipv6(match[1])):
         hint = ", an IPv6 address in brackets" if text.count(":") > 1 else ""
         raise TextError(f"{text!r}, must be HOST:PORT{hint}")
     return match[1] or match[2], int(match[3])

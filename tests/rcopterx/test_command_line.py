@@ -6,6 +6,7 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
@@ -14,7 +15,7 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from rcopterx.bus.requests import Follow, GoTo, TakeOff
+from rcopterx.bus.requests import Fly, Follow, GoTo, TakeOff
 from rcopterx.command_line import COMMANDS, app
 from rcopterx.commands.fleet_option import chosen_host
 from rcopterx.fleet.reading import fleet_path, load_fleet, shipped_fleets
@@ -214,6 +215,15 @@ def test_decimal_commas_of_a_waypoint_file_are_refused_with_their_line() -> None
     result = run("trajectory", "h1", "waypoints", str(TABLES / "german.csv"))
     assert result.exit_code == 2
     assert "line 3: '0,4' has a decimal comma, write 0.4" in plain(result)
+
+
+def test_headings_of_a_waypoint_file_turn_the_nearest_way(up: str, vehicles: Vehicles) -> None:
+    file = str(TABLES / "wrap.csv")
+    assert run("trajectory", "--fleet", up, "h1", "waypoints", file).exit_code == 0
+    (request,) = vehicles["h1"].requests
+    assert isinstance(request, Fly)
+    yaw_deg = np.degrees(request.knots.to_numpy()[:, 4])
+    assert 19.0 < yaw_deg.max() - yaw_deg.min() < 25.0
 
 
 def test_negative_coordinates_need_no_dashes_and_misspelt_options_are_still_refused(

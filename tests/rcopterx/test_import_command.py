@@ -133,8 +133,27 @@ def test_existing_fleet_file_is_kept(source: Path) -> None:
         ("crazyflies.yaml", "crazyflies: [{id: 1, channel: 80}]", "a file of Crazyswarm 1"),
         ("crazyflies.yaml", "robots: {C1: {uri: 5}}", "robots.C1.uri: expected `str`, got `int`"),
         ("crazyflies.yaml", "robots: {C1: {uri: x, enabled: false}}", "no robot is enabled"),
-        ("crazyflies.yaml", "robots: {C1: {uri: x}, c1: {uri: y}}", "differ only in capital letters"),
-        ("crazyflies.yaml", "robots: {C1: {uri: radio}}", "vehicles.c1.transmitter"),
+        (
+            "crazyflies.yaml",
+            "robots: {C1: {uri: 'udp://a:1'}, c1: {uri: 'udp://a:2'}}",
+            "differ only in capital letters",
+        ),
+        ("crazyflies.yaml", "robots: {C1: {uri: radio}}", "robots.C1.uri: 'radio' is no address"),
+        (
+            "crazyflies.yaml",
+            "robots: {C1: {uri: radio://0/80/2M/E7E7E7E701}, C2: {uri: radio://0/80/2M/E7E7E7E701}}",
+            "robots.C2.uri: 'radio://0/80/2M/E7E7E7E701' is already that of robots.C1",
+        ),
+        (
+            "crazyflies.yaml",
+            CRAZYFLIES.replace("warning: 3.8", "warning: 3.6"),
+            "robot_types.C10X.battery: voltage_warning must be at least voltage_critical",
+        ),
+        (
+            "motion_capture.yaml",
+            TRACKER.replace("192.168.2.15", "192.168.2.15:801:801"),
+            "hostname: '192.168.2.15:801:801' is neither a name nor an address",
+        ),
         ("motion_capture.yaml", "{}", "/motion_capture_tracking"),
         ("motion_capture.yaml", TRACKER.replace("vicon", "nokov"), "type 'nokov': allowed are vicon"),
         ("motion_capture.yaml", TRACKER.replace("192.168.2.15", ""), "hostname: is missing"),
@@ -158,7 +177,7 @@ REMARKS = {
     "tracking_points": "robots.cf1: tracking 'librigidbodytracker', from single markers, is not taken over",
     "big_quad": "robots.cf1: big_quad is not taken over",
     "dup_key": "crazyflies.yaml: robots.cf1 is there twice, in lines 3 and 8: only the last one",
-    "mc_port": "motion_capture.yaml: hostname '192.0.2.7:801' gives the port already: 801 is used",
+    "mc_port": "motion_capture.yaml: hostname '192.0.2.7:801' gives the port already: it is used",
     "pos_nan": "robots.cf2.initial_position: is not finite",
 }
 
@@ -187,6 +206,39 @@ def test_robots_that_cannot_be_used_are_named(case: str, words: str, tmp_path: P
     assert result.exit_code == 2
     assert words in result.stderr
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("uri", "remark"),
+    [
+        ("radio://*/80/2M/E7E7E7E717", "robots.C23.uri: any dongle is not taken over, number 0 is used"),
+        ("radio://0/80/2M/E7E7E7E717?safelink=1", "robots.C23.uri: safelink=1 not taken over"),
+    ],
+)
+def test_parts_of_an_address_that_a_fleet_file_has_not_are_remarks(
+    source: Path, uri: str, remark: str
+) -> None:
+    source.write_text(CRAZYFLIES.replace("radio://0/80/2M/E7E7E7E717", f"'{uri}'"))
+    path = source.with_name("lab.toml")
+    assert f"remark: {remark}" in imported(source, path).stderr
+    assert load_fleet(path).vehicles["c23"].transmitter.port == "radio://0/80/2M/E7E7E7E717"
+
+
+def test_robots_that_start_at_one_place_are_a_remark(source: Path) -> None:
+    source.write_text(CRAZYFLIES.replace("[-0.3, 0.5, 0.0]", "[0.2, 0.0, 0.0]"))
+    result = imported(source, source.with_name("lab.toml"))
+    assert "remark: robots.24-b.initial_position: is that of robots.C23; set offset_m" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("hostname", "address"),
+    [("fe80::1", "[fe80::1]:801"), ("'[fe80::1]:802'", "[fe80::1]:802"), ("lab-pc:802", "lab-pc:802")],
+)
+def test_addresses_of_a_motion_capture_may_be_of_any_kind(source: Path, hostname: str, address: str) -> None:
+    source.with_name("motion_capture.yaml").write_text(TRACKER.replace('"192.168.2.15"', hostname))
+    path = source.with_name("lab.toml")
+    assert imported(source, path).exit_code == 0
+    assert load_fleet(path).tracker.address == address
 
 
 def test_keys_that_no_fleet_file_has_are_remarks(source: Path) -> None:

@@ -34,6 +34,11 @@ def test_a_table_reads_the_same_whatever_program_has_written_it(data: bytes) -> 
     assert list(rows_of(decoded(data))) == ROWS
 
 
+def test_a_line_of_a_spreadsheet_that_gives_the_separator_is_no_row() -> None:
+    text = "sep=;\n" + TABLE.replace(",", ";")
+    assert list(rows_of(text)) == [Row(row.line + 1, row.cells) for row in ROWS]
+
+
 def test_lines_count_as_in_an_editor() -> None:
     text = 'a,b\r\n\r\n1,"two\r\nlines"\r\n\r\n5,6'
     assert [row.line for row in rows_of(decoded(text.encode()))] == [1, 3, 6]
@@ -76,7 +81,21 @@ def test_addresses_have_a_host_and_a_port(text: str, parts: tuple[str, int]) -> 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "lab", "lab:", ":801", "lab:801:801", "::1:801", "lab:0", "lab:65536", "lab:²", "[]:1", "a b:1"],
+    [
+        "",
+        "lab",
+        "lab:",
+        ":801",
+        "lab:801:801",
+        "::1:801",
+        "lab:0",
+        "lab:65536",
+        "lab:²",
+        "[]:1",
+        "a b:1",
+        "[lab:801]:801",
+        "[10.0.0.1]:1",
+    ],
 )
 def test_what_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(TextError, match="must be HOST:PORT"):

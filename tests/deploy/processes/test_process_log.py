@@ -133,7 +133,9 @@ def test_lines_of_a_launcher_have_the_time_of_their_event_when_the_disk_writes_t
     log.append(["agent-h1: started again"])
     after = datetime.now(UTC)
     wait_for(lambda: datetime.now(UTC) - after > timedelta(seconds=0.05), "the time stands still")
-    written = [blocked.read_text(), blocked.read_text()]
+    # Also a writer, so that the file does not end between two lines.
+    with os.fdopen(os.open(blocked, os.O_RDWR), "r") as reader:
+        written = [reader.readline(), reader.readline()]
     log.close()
     assert all(datetime.fromisoformat(line.split()[0]) <= after for line in written)
 
