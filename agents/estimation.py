@@ -178,8 +178,10 @@ class StateEstimation:
     A `standing` vehicle is not predicted: the model knows no floor, so the prediction would fall.
     """
 
-    def __init__(self, clock: FleetClock, estimator: EstimatorGuard, inputs: InputHistory) -> None:
-        self.events: Counter[str] = Counter()
+    def __init__(
+        self, clock: FleetClock, estimator: EstimatorGuard, inputs: InputHistory, events: Counter[str]
+    ) -> None:
+        self._events = events
         self.blind_s = 0.0  # time since the last pose that the estimator accepted
         self.expected_yaw_rad = 0.0  # heading next to which the first measured one counts its turns
         self._clock, self._estimator, self._inputs = clock, estimator, inputs
@@ -223,7 +225,7 @@ class StateEstimation:
         self.blind_s = 0.0 if accepted else self.blind_s + frame.period_s
         self._last_place_m = measurement.position_m if accepted else None
         if not accepted:
-            self.events["gated_pose"] += 1
+            self._events["gated_pose"] += 1
         return True
 
     def coast(self, standing: bool) -> bool:
@@ -256,7 +258,7 @@ class StateEstimation:
         self._predict(acted)
         self.blind_s += self._clock.period_s
         self._unseen_s += self._clock.period_s
-        self.events[event] += 1
+        self._events[event] += 1
 
     def _predict(self, acted: list[tuple[Array, float]]) -> None:
         for value, duration_s in acted:

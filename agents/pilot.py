@@ -6,7 +6,6 @@ the motion capture is one call of `observe`; every control period is one call of
     estimator -> delay compensation -> reference (own or from leaders' plans) -> controller -> command, plan
 """
 
-from collections import Counter
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
@@ -65,7 +64,10 @@ class Pilot:
         hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS,
     ) -> None:
         self.model = model
-        self.step_guard = StepGuard(model, controller, default_controller)
+        self.events = guidance.events
+        """Counts by kind, of all parts of the agent: steps that were not optimal, failures, periods without a
+        leader, and others."""
+        self.step_guard = StepGuard(model, controller, default_controller, self.events)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
@@ -77,8 +79,7 @@ class Pilot:
         self.cooperation = Cooperation(guidance, self.step_guard, self.clock)
         self.cooperation.use(controller)
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
-        self.estimation = StateEstimation(self.clock, self.estimator, self.input_history)
-        self.fallbacks: Counter[str] = Counter()
+        self.estimation = StateEstimation(self.clock, self.estimator, self.input_history, self.events)
         self.sequence = 0
         self.lift_off_delay_s = 0.0  # sets its lift-off apart from those of other vehicles
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
@@ -87,11 +88,6 @@ class Pilot:
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
         self._planned: Array = np.zeros((0, INPUT_SIZE))  # inputs planned after the newest command
-
-    @property
-    def events(self) -> Mapping[str, int]:
-        """Steps that were not optimal, failures, and periods without a leader, by kind."""
-        return self.fallbacks + self.estimation.events + self.step_guard.calls.failures + self.guidance.events
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -190,7 +186,7 @@ class Pilot:
     def _use_default_controller(self) -> None:
         if self.step_guard.use_default():
             self._begin_with_controller()
-            self.fallbacks[CONTROLLER_REPLACED] += 1
+            self.events[CONTROLLER_REPLACED] += 1
 
     def _begin_with_controller(self) -> None:
         self.cooperation.use(self.controller)
@@ -247,12 +243,12 @@ class Pilot:
         if not self._flown_by_controller:
             self._start_controller(estimate, last_input)
         if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
-            self.fallbacks["cannot_avoid"] += 1
+            self.events["cannot_avoid"] += 1
         self.cooperation.begin_period(estimate, reference)
         sent = self.cooperation.exchange(received)
         step = self.step_guard.step(estimate, reference, last_input)
         if step.fallback is not None:
-            self.fallbacks[step.fallback] += 1
+            self.events[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, POSE]
         inputs = self._transfer.smoothed(step.inputs[: self._bridged_rows], last_input, period_s)
         if self.exciter.under_way:
@@ -282,7 +278,7 @@ class Pilot:
             self._check_vehicle(self._planned[0], self.clock.time_s)
             self._record_input(self._planned[0])
             self._planned = self._planned[1:]
-            self.fallbacks["control_left_out"] += 1
+            self.events["control_left_out"] += 1
 
     def _record_input(self, value: Array) -> None:
         """Record an input sent now, which acts a transport delay later."""
@@ -294,7 +290,7 @@ class Pilot:
         informative = seen_in_flight and self.guidance.phase in _INFORMATIVE
         fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
         if fault is not None:
-            self.fallbacks[fault.kind] += 1
+            self.events[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
 
     @property
@@ -317,7 +313,7 @@ class Pilot:
             self._hand_over(time_s)
         elif self._lift_off.failed(time_s):
             self._lift_off.end()
-            self.fallbacks["not_lifted"] += 1
+            self.events["not_lifted"] += 1
             self.guidance.on_event(Event.NOT_LIFTED, self.estimate, time_s)
 
     def _hand_over(self, time_s: float) -> None:

@@ -5,6 +5,7 @@ control step. Where more agents run on a computer than it serves, control period
 on: until an overload is detected in flight, it starves what has no real-time priority, such as serial lines.
 """
 
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -12,11 +13,13 @@ from typing import Final
 from rcopterx.agents.following.traffic import MOST, Traffic
 from rcopterx.agents.load import Overload, Pacing, Relief, planned_relief
 from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 
 FLOOR_EVERY: Final = 2  # largest number of control periods of which one is computed on the floor
 NEAREST: Final = 3  # number of plans received for avoidance while those of far vehicles are left out
+SOLVE_WINDOW: Final = 500  # number of control steps whose durations are reported
 TOO_SLOW: Final = "this computer is too slow for its fleet"
 _EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
@@ -34,11 +37,12 @@ class LoadRelief:
     traffic: Traffic
     launcher: Inbox[LauncherStatus]
     processor_clock: Callable[[], float]
+    events: Counter[str]
 
     def __post_init__(self) -> None:
         self.overload = Overload(self.period_s)
         self.relief = Relief.NONE  # what is left out at present
-        self.events: dict[str, int] = {}
+        self.solve_ms: deque[float] = deque(maxlen=SOLVE_WINDOW)  # durations of the last control steps
         self._planned = self._noted = Relief.NONE
         self._launcher_status: Received[LauncherStatus] | None = None
         self._used_s, self._since_s = self.processor_clock(), self.bus.clock()
@@ -95,8 +99,7 @@ class LoadRelief:
 
     def _change(self, relief: Relief) -> None:
         if relief > self.relief:
-            name = f"left_out_{relief.name.lower()}"
-            self.events[name] = self.events.get(name, 0) + 1
+            self.events[f"left_out_{relief.name.lower()}"] += 1
         self.relief = relief
         self.bus.publish_steps(relief < Relief.REPORTS)
         self.traffic.most = NEAREST if relief >= Relief.REPORTS else MOST
@@ -106,7 +109,17 @@ class LoadRelief:
         # On the floor no planned inputs bridge a period that is left out, and arming needs fresh commands.
         self.pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
-    def processor_share(self, now_s: float) -> float:
+    def report(self, to: Diagnostics, now_s: float) -> None:
+        """See `rcopterx.agents.reporting.Reports`."""
+        ordered = sorted(self.solve_ms) or [0.0]
+        last = len(ordered) - 1
+        to.solve_ms_p50, to.solve_ms_p99 = ordered[round(0.5 * last)], ordered[round(0.99 * last)]
+        to.solve_ms_max = ordered[-1]
+        to.ticks, to.missed_ticks = self.pacing.ticks, self.pacing.missed_ticks
+        to.processor_share = self._processor_share(now_s)
+        to.remarks += (self.remark,)
+
+    def _processor_share(self, now_s: float) -> float:
         """Share of one processor that this process has used since the last call."""
         used_s = self.processor_clock()
         share = (used_s - self._used_s) / (now_s - self._since_s) if now_s > self._since_s else 0.0

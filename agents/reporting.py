@@ -3,17 +3,13 @@
 import logging
 import math
 import os
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
 
-import numpy as np
-
-from rcopterx.agents.assembly import AgentParts
 from rcopterx.agents.following.leader_plans import LeaderPlans, link_message, target_link
-from rcopterx.agents.load import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.tuning.guard import effort_factors
+from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S
 from rcopterx.bus.message import FloatArray
@@ -31,6 +27,7 @@ from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.formation.succession import FollowingMode
 from rcopterx.vehicles.state import YAW, four, inertial_velocity, three
 
 REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millimetre
@@ -101,30 +98,7 @@ def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
     )
 
 
-def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) -> AgentStatus:
-    """Status of the vehicle."""
-    position, yaw_rad = pilot.guidance.set_point()
-    motion = pilot.estimate.motion if pilot.clock.started else None
-    return AgentStatus(
-        phase=pilot.guidance.phase.value,
-        epoch=pilot.clock.epoch,
-        frame=pilot.clock.current_frame,
-        set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),
-        following=_following(pilot),
-        assigned=tuple(target_link(link) for link in pilot.guidance.task.assigned),
-        following_mode=following_mode,
-        position_m=None if motion is None else three(motion[:3]),
-        velocity_m_s=None if motion is None else three(inertial_velocity(motion)),
-        yaw_rad=None if motion is None else float(motion[YAW]),
-        error_m=_error_m(pilot),
-        path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
-        excitation_left_s=pilot.exciter.left_s(pilot.clock.time_s),
-        excitation=pilot.exciter.outcome,
-        diagnostics=diagnostics,
-    )
-
-
-def _error_m(pilot: Pilot) -> float | None:
+def error_m(pilot: Pilot) -> float | None:
     """Distance of the plan's beginning from the reference [m]; None on the floor."""
     if pilot.plan is None or pilot.reference is None:
         return None
@@ -140,13 +114,28 @@ DEVIATION_BITS: Final = 17  # standard deviations are rounded to a hundredth of 
 HOVER_THRUST_BITS: Final = 10  # hover thrusts are rounded to a tenth of a per cent
 
 
+class Reports(Protocol):
+    """A part of an agent that reports its state."""
+
+    def report(self, to: Diagnostics, now_s: float) -> None:
+        """Set, and add to, what this part has for the diagnostics."""
+
+
 class Reporter:
-    """Publishes status and intent of one agent at `due_s` [monotonic s], and at once after a change."""
+    """Publishes the status of one agent at `due_s` [monotonic s], and at once after a change."""
 
     def __init__(
-        self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts, realtime: bool
+        self,
+        settings: AgentSettings,
+        pilot: Pilot,
+        bus: StepBus,
+        tuning: Tuning,
+        parts: Sequence[Reports],
+        inboxes: Sequence[Inbox[Any]],
+        realtime: bool,
     ) -> None:
-        self._settings, self._pilot, self._bus, self._parts = settings, pilot, bus, parts
+        self._settings, self._pilot, self._bus = settings, pilot, bus
+        self._tuning, self._parts, self._inboxes = tuning, parts, inboxes
         self._realtime = realtime
         self._logged_remarks: set[str] = set()
         self.last_status: AgentStatus | None = None  # newest status that was published; None before the first
@@ -160,110 +149,72 @@ class Reporter:
         """Report after the present control period, so that a successor of this agent knows of a change."""
         self.due_s = self._bus.clock()
 
-    def report(self, now_s: float) -> None:
-        """Publish status and intent."""
-        pilot, parts, vehicle = self._pilot, self._parts, self._settings.vehicle
-        slower = SPARSE if parts.relief.relief >= Relief.REPORTS else 1
+    def report(
+        self,
+        now_s: float,
+        sparse: bool,
+        following_mode: FollowingMode,
+        pose_age_s: float | None,
+        late_share: float,
+    ) -> None:
+        """Publish the status; `sparse`: at half the rate."""
         # A report waits for the end of a step, but the rate stays.
-        self.due_s = max(self.due_s, now_s - LONGEST_WAIT_S) + slower * REPORT_PERIOD_S
-        diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
-        remarks = set(diagnostics.remarks)
+        self.due_s = max(self.due_s, now_s - LONGEST_WAIT_S) + (SPARSE if sparse else 1) * REPORT_PERIOD_S
+        pilot, clock, guidance = self._pilot, self._pilot.clock, self._pilot.guidance
+        position, yaw_rad = guidance.set_point()
+        motion = pilot.estimate.motion if clock.started else None
+        self.last_status = AgentStatus(
+            phase=guidance.phase.value,
+            epoch=clock.epoch,
+            frame=clock.current_frame,
+            set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),
+            following=_following(pilot),
+            assigned=tuple(map(target_link, guidance.task.assigned)),
+            following_mode=following_mode,
+            position_m=None if motion is None else three(motion[:3]),
+            velocity_m_s=None if motion is None else three(inertial_velocity(motion)),
+            yaw_rad=None if motion is None else float(motion[YAW]),
+            error_m=error_m(pilot),
+            path_left_s=guidance.path_left_s(clock.time_s),
+            excitation_left_s=pilot.exciter.left_s(clock.time_s),
+            excitation=pilot.exciter.outcome,
+            diagnostics=self._diagnostics(now_s),
+            pose_age_s=pose_age_s,
+            late_share=late_share,
+            host=self._settings.bus.host or None,
+        )
+        self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self.last_status)
+
+    def _diagnostics(self, now_s: float) -> Diagnostics:
+        """Collect what the parts report, and log new remarks."""
+        found = self._tuning.diagnostics()
+        _report_pilot(self._pilot, found)
+        for inbox in self._inboxes:
+            found.rejected |= {f"{inbox.channel.topic}.{kind}": n for kind, n in inbox.rejected.items()}
+        for part in self._parts:
+            part.report(found, now_s)
+        found.realtime, found.process = self._realtime, os.getpid()
+        found.remarks = tuple(filter(None, found.remarks))
+        remarks = set(found.remarks)
         for remark in remarks - self._logged_remarks:
             logging.getLogger(__name__).warning(remark)
         self._logged_remarks = remarks
-        self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
-        self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)
-        parts.handover.publish(now_s)
+        return found
 
 
-def diagnostics_of(
-    settings: AgentSettings, pilot: Pilot, parts: AgentParts, realtime: bool, now_s: float
-) -> Diagnostics:
-    """Return the present figures of an agent; `realtime`: it runs in a real-time scheduling class."""
-    configuration, relief = parts.tuning.configuration, parts.relief
-    p50_ms, p99_ms, longest_ms = np.percentile(parts.solve_ms or (0.0,), (50, 99, 100)).tolist()
-    flown = configuration.message
-    remarks = (*pilot.remarks, parts.tuning.remark, relief.remark, parts.guard.remark)
-    return Diagnostics(
-        controller=flown.controller,
-        estimator=flown.estimator,
-        controller_settings=flown.controller_settings,
-        estimator_settings=flown.estimator_settings,
-        horizon=pilot.controller.horizon,
-        effort_factor=max(effort_factors(configuration)),
-        client=parts.external.client,
-        pose_age_s=parts.poses.age_s(now_s),
-        plan_age_s=parts.plans.plan_age_s(now_s, pilot.guidance.leaders),
-        ticks=parts.pacing.ticks,
-        missed_ticks=parts.pacing.missed_ticks,
-        solve_ms_p50=p50_ms,
-        solve_ms_p99=p99_ms,
-        solve_ms_max=longest_ms,
-        fallbacks=_summed(
-            pilot.events,
-            parts.external.events,
-            parts.lost.events,
-            parts.changes.events,
-            parts.guard.events,
-            parts.requests.events,
-            relief.events,
-        ),
-        estimator_events=dict(pilot.estimator.events),
-        rejected=_summed(
-            _rejected(parts.poses),
-            _rejected(parts.applied),
-            _rejected(parts.external.answers),
-            parts.plans.rejected,
-            parts.traffic.rejected,
-            pilot.cooperation.rejected,
-        ),
-        avoiding_ticks=pilot.avoidance.ticks,
-        closest_plan_m=pilot.avoidance.closest_m,
-        hover_thrust=_hover_thrust(pilot),
-        wind_m_s2=_wind(pilot),
-        position_deviation_m=_position_deviation(pilot),
-        realtime=realtime,
-        process=os.getpid(),
-        host=settings.bus.host or None,
-        remarks=tuple(filter(None, remarks)),
-        processor_share=relief.processor_share(now_s),
-        late_share=relief.overload.late_share,
-        model=flown.model,
-    )
-
-
-def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
-    total: dict[str, int] = {}
-    for each in counts:
-        for kind, count in each.items():
-            total[kind] = total.get(kind, 0) + count
-    return total
-
-
-def _rejected(inbox: Inbox[Any]) -> dict[str, int]:
-    """Rejected messages by topic and reason."""
-    return {f"{inbox.channel.topic}.{kind}": count for kind, count in inbox.rejected.items()}
-
-
-def _hover_thrust(pilot: Pilot) -> float | None:
-    """Share of the largest thrust at which the vehicle hovers; None on the floor."""
-    learnt = pilot.vehicle_watch.hover_thrust if pilot.guidance.rotor_on else None
-    return None if learnt is None else rounded(learnt, HOVER_THRUST_BITS)
-
-
-def _wind(pilot: Pilot) -> tuple[float, float] | None:
-    """Return the estimated wind [m/s^2]; None on the floor, where none is estimated."""
+def _report_pilot(pilot: Pilot, to: Diagnostics) -> None:
+    """Report a pilot, which knows no messages; what is estimated in flight only is absent on the floor."""
+    to.fallbacks, to.estimator_events = dict(pilot.events), dict(pilot.estimator.events)
+    to.rejected |= pilot.cooperation.rejected
+    to.avoiding_ticks, to.closest_plan_m = pilot.avoidance.ticks, pilot.avoidance.closest_m
+    to.remarks += pilot.remarks
     if not pilot.guidance.rotor_on:
-        return None
+        return
+    learnt, deviation = pilot.vehicle_watch.hover_thrust, pilot.estimator.position_deviation_m()
+    to.hover_thrust = None if learnt is None else rounded(learnt, HOVER_THRUST_BITS)
     estimate = pilot.estimate
     x, y = estimate.tilt.wind_m_s2 if estimate.has_tilt else estimate.disturbance[:2]
-    return float(x), float(y)
-
-
-def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
-    """Return standard deviations of the position [m]; None on the floor, and if the estimator has none."""
-    deviation = pilot.estimator.position_deviation_m() if pilot.guidance.rotor_on else None
-    if deviation is None:
-        return None
-    x, y, z = all_rounded(deviation.tolist(), DEVIATION_BITS)
-    return (x, y, z)
+    to.wind_m_s2 = float(x), float(y)
+    if deviation is not None:
+        x, y, z = all_rounded(deviation.tolist(), DEVIATION_BITS)
+        to.position_deviation_m = (x, y, z)

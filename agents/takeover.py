@@ -20,7 +20,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import SetPoint
+from rcopterx.bus.messages import LeaseBid, SetPoint
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.bus.stepping import StepBus
@@ -209,13 +209,12 @@ DEFAULTS_AFTER: Final = 2  # quick deaths after which the default controller and
 class Handover:
     """Handover of one agent."""
 
-    def __init__(
-        self, bus: StepBus, settings: AgentSettings, lease: ControlLease, pilot: Pilot, tuning: Tuning
-    ) -> None:
+    def __init__(self, bus: StepBus, settings: AgentSettings, pilot: Pilot, tuning: Tuning) -> None:
         self._bus = bus
+        self.lease = ControlLease(bus.life, settings.take_over, bus.clock())
         self._vehicle, self._host = settings.vehicle, settings.bus.host
-        self._lease = lease
-        self.intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
+        self._intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
+        self._answers = bus.subscribe(channels.LEASE, self._vehicle, depth=16)
         self._resumed_s: float | None = None
         self._pilot = pilot
         self._tuning = tuning
@@ -246,19 +245,30 @@ class Handover:
             self.predecessor, self._predecessor_s = reply.intent, self._bus.clock() - reply.age_s
             self._quick_deaths = reply.quick_deaths
 
+    def bid(self, now_s: float) -> None:
+        """Bid for the lease until the agent holds one."""
+        lease = self.lease
+        for received in self._answers.drain():
+            answer = received.message
+            lease.on_answer(answer.agent, answer.number, answer.commanding, now_s)
+        if lease.bid_due(now_s):
+            take_over = lease.takes_over(now_s, self._pilot.ready)
+            bid = LeaseBid(agent=lease.agent, host=self._host or None, take_over=take_over)
+            self._bus.publish(channels.LEASE_BID, self._vehicle, bid)
+
     def receive_intents(self) -> bool:
         """Process intents of a predecessor that still flies; return whether to resume again."""
         again = False
-        for received in self.intents.drain():
+        for received in self._intents.drain():
             intent = received.message
-            if intent.lease == self._lease.number:
+            if intent.lease == self.lease.number:
                 continue  # published by this agent
             late = self._resumed_s is not None
             if late and received.arrived_s - (self._resumed_s or 0.0) > LATE_INTENT_S:
                 continue
             before, self.predecessor = self.predecessor, intent
             self._predecessor_s = received.arrived_s
-            if not self._lease.held:
+            if not self.lease.held:
                 self._restore_configuration(intent)
             again = again or (late and before is not None and _content(before) != _content(intent))
         return again
@@ -306,7 +316,7 @@ class Handover:
         clock = self._pilot.clock
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         task, tuning = self._pilot.guidance.task, self._tuning
-        intent = intent_of(self._lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)
+        intent = intent_of(self.lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)
         content = _content(intent)
         recent = now_s - self._published_s < LONG_PERIOD_S
         if intent.path is not None and content == self._published and recent:

@@ -207,12 +207,8 @@ class Lease(Message, frozen=True, kw_only=True):
     """Newest lease of the vehicle."""
 
 
-class Diagnostics(Struct, frozen=True, kw_only=True):
-    """Condition of an agent, for people and recorders.
-
-    No decision in flight depends on it. Take-off is refused by `pose_age_s` and `late_share`, and hosts read
-    `host` and `late_share` when they stop agents and measure their capacity.
-    """
+class Diagnostics(Struct, kw_only=True):
+    """Condition of an agent, for people and recorders; no decision depends on it."""
 
     controller: Name
     estimator: Name
@@ -224,7 +220,6 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Factor of the sticks' weights by which the guard against oscillation has lowered the bandwidth."""
     client: Text = ""
     """External program that flies the vehicle; empty while its own controller does."""
-    pose_age_s: Seconds | None = None
     plan_age_s: Seconds | None = None
     """Age of the leader's plan at the last step."""
     ticks: Count = 0
@@ -252,14 +247,10 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
-    host: Name | None = None
-    """Host of the agent."""
     remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
     """Notes for people: what failed, and what replaces it."""
     processor_share: Seconds = 0.0
     """Share of one processor that the agent has used since the previous status."""
-    late_share: Seconds = 0.0
-    """Share of the commands of the last second that were late or missing."""
     model: Parameters = {}
     """Parameters of the model that a request changed; all others are those of the fleet file."""
 
@@ -290,6 +281,13 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     excitation: Text = ""
     """`under way`, `done`, or why the last excitation ended early; empty before the first."""
     diagnostics: Diagnostics
+    pose_age_s: Seconds | None = None
+    """Time since the newest pose of the vehicle arrived, without which it does not take off."""
+    late_share: Seconds = 0.0
+    """Share of the commands of the last second that were late or missing: too large for a take-off, and for
+    more agents on the host."""
+    host: Name | None = None
+    """Host of the agent."""
 
 
 class Battery(Struct, frozen=True, kw_only=True):

@@ -43,7 +43,7 @@ def _flown_by(state: VehicleState) -> str:
 
 
 def _seen_ago(state: VehicleState) -> str:
-    own_s = None if state.agent is None else state.agent.diagnostics.pose_age_s
+    own_s = None if state.agent is None else state.agent.pose_age_s
     return _milli(own_s if state.seen_age_s is None else state.seen_age_s, "s")
 
 

@@ -48,6 +48,8 @@ class Guidance:
 
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.task = Task(followed=tuple(links), assigned=tuple(links))
+        self.rotor_on = False  # whether the vehicle is to be flown by the controller
+        self.followable = False  # whether followers may use its plan: not while it takes off or lands
         self.events: Counter[str] = Counter()
         self.deviation_share = deviation_share
         self.coordinated = False
@@ -60,16 +62,6 @@ class Guidance:
     def phase(self) -> Phase:
         """Present phase."""
         return self.task.phase
-
-    @property
-    def rotor_on(self) -> bool:
-        """Whether the vehicle is to be flown by the controller."""
-        return self.task.phase in AIRBORNE
-
-    @property
-    def followable(self) -> bool:
-        """Whether followers may use its plan: not while it takes off or lands."""
-        return self.task.phase is Phase.FLYING
 
     @property
     def follows(self) -> bool:
@@ -93,7 +85,8 @@ class Guidance:
         if row is None:
             return
         interrupted, task.phase, task.interrupted = task.interrupted, row.target, None
-        if task.phase is Phase.FLYING:
+        self.rotor_on, self.followable = row.target in AIRBORNE, row.target is Phase.FLYING
+        if self.followable:
             task.joined = frozenset()
         if row.effect is Effect.INTERRUPT and before is not Phase.FLYING:
             task.interrupted = before

@@ -7,7 +7,7 @@ Several vehicles change leaders together at one frame: all prepare the change be
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,9 +39,8 @@ class Change:
 class Regrouping:
     """The change that one vehicle has prepared, at most one at a time."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.events: Counter[str] = Counter()
-        self._clock = clock
+    def __init__(self, clock: Callable[[], float], events: Counter[str]) -> None:
+        self._clock, self._events = clock, events
         self._change: Change | None = None
 
     @property
@@ -52,7 +51,7 @@ class Regrouping:
 
     def _present(self) -> Change | None:
         if self._change is not None and self._clock() > self._change.expires_s:
-            self.events["regrouping_expired"] += 1
+            self._events["regrouping_expired"] += 1
             self._change = None
         return self._change
 
@@ -118,15 +117,9 @@ class LeaderChanges:
     clock: Callable[[], float]
 
     def __post_init__(self) -> None:
-        self._regrouping = Regrouping(self.clock)
-        self._events: Counter[str] = Counter()
+        self._regrouping = Regrouping(self.clock, self.pilot.events)
         self._waiting: list[_Waiting] = []
         self.cycles_from = (0, 0)  # epoch and frame from which on an ancestor of this name means a cycle
-
-    @property
-    def events(self) -> Mapping[str, int]:
-        """Accepted changes that were not made, by kind."""
-        return self._events + self._regrouping.events
 
     @property
     def waiting(self) -> bool:
@@ -199,7 +192,7 @@ class LeaderChanges:
             if not waiting.promised:
                 waiting.incoming.answer(reply)
             elif not reply.accepted:
-                self._events["promised_leader_missing"] += 1
+                self.pilot.events["promised_leader_missing"] += 1
         self.update_subscriptions()
         return len(self._waiting) < len(undecided)
 
@@ -211,7 +204,7 @@ class LeaderChanges:
             return
         if pilot.guidance.phase is not Phase.FLYING:
             # It lands meanwhile, or the transmitter gateway flies it.
-            self._regrouping.events["regrouping_missed"] += 1
+            pilot.events["regrouping_missed"] += 1
             self.update_subscriptions()
             return
         self._overtake()

@@ -1,7 +1,6 @@
 """Applies the table of succession to one follower in every control period."""
 
 import math
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -37,7 +36,7 @@ class LostLeaders:
 
     def __post_init__(self) -> None:
         self.following_mode = FollowingMode.FOLLOW
-        self.events: Counter[str] = Counter()
+        self._events = self.pilot.events
         self._here_s: float | None = None
         self._assigned: tuple[FollowedLeader, ...] = ()
         self._successor: str | None = None
@@ -64,7 +63,7 @@ class LostLeaders:
         before = self.following_mode
         self.following_mode, self._successor = mode, successor
         if mode is not FollowingMode.FOLLOW:
-            self.events[f"leader_lost_{mode}"] += 1
+            self._events[f"leader_lost_{mode}"] += 1
         return self._take(mode, successor, before)
 
     def _finding(self, plans: Mapping[str, LeaderPlan]) -> Finding:

@@ -8,6 +8,7 @@ controller is of no use; the pilot then changes to the default controller. A sol
 than the previous plan has not failed, but its step is flown in the same way.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeVar, TypeVarTuple
 
@@ -74,12 +75,18 @@ class _Task(NamedTuple):
 
 
 class StepGuard:
-    """Steps a controller, and replaces steps that fail."""
+    """Steps a controller, and replaces steps that fail; counts failures in `events`."""
 
-    def __init__(self, model: Model, controller: Controller, default: Controller | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        controller: Controller,
+        default: Controller | None = None,
+        events: Counter[str] | None = None,
+    ) -> None:
         self.default = default  # flies for a controller that fails; None for the feedback law alone
-        self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
-        """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
+        self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR, events)
+        """A result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self.model = model
         self.neighbours: Sequence[Obstacle] = ()  # vehicles that may come near
         self._exchange_failed = False  # since the last step

@@ -167,14 +167,17 @@ class RepeatedTimeLimit(TimeLimit):
 
 
 class GuardedCall:
-    """Calls with a time limit whose failures are counted, under names that begin with `part`.
+    """Calls with a time limit whose failures are counted in `failures`, under names that begin with `part`.
 
     The first calls load code and fill caches, and may take `first_calls_factor` times as long.
     """
 
-    def __init__(self, part: str, first_calls: int, first_calls_factor: float) -> None:
+    def __init__(
+        self, part: str, first_calls: int, first_calls_factor: float, failures: Counter[str] | None = None
+    ) -> None:
         self.limit = TimeLimit()
-        self.failures: Counter[str] = Counter()  # failures by kind: `..._raised`, `..._unusable`, `..._late`
+        self.failures: Counter[str] = Counter() if failures is None else failures
+        """Failures by kind: `..._raised`, `..._unusable`, `..._late`."""
         self.failure = ""  # description of the last failure; empty before the first one
         self._part = part
         self._first_calls, self._first_calls_factor = first_calls, first_calls_factor

@@ -1,12 +1,12 @@
 """Control of a vehicle by an external program: given by request, lost by silence, landing or release."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.external_messages import ControlTask, ExternalInput
 from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.controllers.external import ExternalController
@@ -25,7 +25,6 @@ class ExternalControl:
     client: str = ""  # name of the program; empty without one
 
     def __post_init__(self) -> None:
-        self.events: Counter[str] = Counter()
         self._controller: ExternalController | None = None
 
     def take(self, request: TakeControl) -> str | None:
@@ -52,6 +51,10 @@ class ExternalControl:
         self._return_control()
         return None
 
+    def report(self, to: Diagnostics, now_s: float) -> None:  # noqa: ARG002 - see `Reports`
+        """See `rcopterx.agents.reporting.Reports`."""
+        to.client = self.client
+
     def before_control(self) -> None:
         """Process the inputs of the client; end its control if it is silent or not in free flight."""
         controller = self._controller
@@ -67,7 +70,7 @@ class ExternalControl:
             return
         event = self._end_of_control(controller)
         if event is not None:
-            self.events[event] += 1
+            self.pilot.events[event] += 1
             self._return_control()
 
     def _end_of_control(self, controller: ExternalController) -> str | None:

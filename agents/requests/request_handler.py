@@ -1,7 +1,7 @@
 """Answers requests: applies them or says why they are refused. A thread checks the paths of `fly`."""
 
 import math
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -163,7 +163,6 @@ class RequestHandler:
             Tune: self._tune,
             Fly: self.trajectories.begin,
         }
-        self.events: Counter[str] = Counter()  # events of requests, by kind
         self.waiting: deque[Incoming] = deque()  # requests that wait for the next step
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
         """Requests that an agent serves."""
@@ -176,7 +175,7 @@ class RequestHandler:
             return False
         for _ in range(min(MOST_IN_A_STEP, len(self.waiting))):
             self.handle(self.waiting.popleft())
-        self.events[DEFERRED] += max(0, len(self.waiting) - max(0, before - MOST_IN_A_STEP))
+        self.pilot.events[DEFERRED] += max(0, len(self.waiting) - max(0, before - MOST_IN_A_STEP))
         return True
 
     def handle(self, incoming: Incoming) -> None:

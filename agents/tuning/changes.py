@@ -9,6 +9,7 @@ import numpy as np
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.tuning.configuration import Configuration, FlownParts
 from rcopterx.agents.work_ahead import WorkAhead
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, NoSolutionError
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW
@@ -74,6 +75,20 @@ class Tuning:
         self._pilot.use_defaults()
         self.note_replaced()
         self.previous, self.remark = None, remark
+
+    def diagnostics(self) -> Diagnostics:
+        """Return diagnostics that name what flies; other parts of the agent add theirs."""
+        flown = self.configuration.message
+        return Diagnostics(
+            controller=flown.controller,
+            estimator=flown.estimator,
+            controller_settings=flown.controller_settings,
+            estimator_settings=flown.estimator_settings,
+            horizon=self._pilot.controller.horizon,
+            effort_factor=max(self.configuration.effort_factors),
+            remarks=(self.remark,),
+            model=flown.model,
+        )
 
     def note_replaced(self) -> bool:
         """Note what the pilot has replaced after failures; return whether the configuration changes."""

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import msgspec
 
+from rcopterx.agents.flight.oscillation import Loop
 from rcopterx.bus.intent import FlownBy, Intent
 from rcopterx.bus.message import Parameters, Setting
 from rcopterx.bus.messages import Diagnostics
@@ -15,6 +17,7 @@ from rcopterx.vehicles.model import Model, with_parameters
 
 DEFAULT_CONTROLLER: Final = "cascade"
 DEFAULT_ESTIMATOR: Final = "extended_kalman"  # the defaults of a fleet file, which fly where others fail
+EFFORT_FACTORS: Final = "effort_factors"  # controller's setting that lowers bandwidth, one for each `Loop`
 
 
 class FlownParts(NamedTuple):
@@ -27,7 +30,7 @@ class FlownParts(NamedTuple):
     default_estimator: Estimator
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Configuration:
     """Names and settings; missing settings have their defaults."""
 
@@ -52,7 +55,13 @@ class Configuration:
         """The configuration that an agent reports in its status or its intent."""
         return cls(by.controller, by.estimator, by.controller_settings, by.estimator_settings, by.model)
 
-    @property
+    @cached_property
+    def effort_factors(self) -> tuple[float, ...]:
+        """Factors by which the guard against oscillation has raised the input weights of each `Loop`."""
+        factors = self.controller_settings.get(EFFORT_FACTORS)
+        return tuple(map(float, factors)) if isinstance(factors, tuple) else (1.0,) * len(Loop)
+
+    @cached_property
     def message(self) -> FlownBy:
         """As it travels: settings are numbers, strings and rows of numbers."""
         return FlownBy(

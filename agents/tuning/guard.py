@@ -6,18 +6,17 @@ weights stay until the vehicle is tuned. A vehicle that drifts with the largest 
 """
 
 import math
-from collections import Counter
 from dataclasses import replace
 from typing import Final
 
 from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import EFFORT_FACTORS, Configuration
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.plugins import flying
 from rcopterx.vehicles.phases import Phase
 
-EFFORT_FACTORS: Final = "effort_factors"  # controller's setting that lowers bandwidth, one for each `Loop`
 STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25  # time between two steps
@@ -28,14 +27,6 @@ DRIFT_S: Final = 10.0  # ...and lands once it has drifted longer than it was at 
 OSCILLATION: Final = "oscillation"  # counted for every half-wave of an oscillation
 BANDWIDTH_LOWERED: Final = "bandwidth_lowered"  # counted for every step
 DRIFTED: Final = "bandwidth_exhausted"  # counted for every landing of a vehicle that drifts
-
-
-def effort_factors(configuration: Configuration) -> tuple[float, ...]:
-    """Return the factors by which the guard has raised the input weights of each `Loop`."""
-    factors = configuration.controller_settings.get(EFFORT_FACTORS)
-    if not isinstance(factors, list | tuple):
-        return (1.0,) * len(Loop)
-    return tuple(float(factor) for factor in factors)
 
 
 def without_guard(configuration: Configuration) -> Configuration:
@@ -57,13 +48,17 @@ class OscillationGuard:
         self._seen = ""  # oscillation at which the bandwidth was lowered last
         self._lands = ""  # why the vehicle lands
         self._drift_s = 0.0
-        self.events: Counter[str] = Counter()
+        self._events = pilot.events
 
     @property
     def remark(self) -> str:
         """Why the vehicle lands, or the oscillation at which the bandwidth was lowered; empty once tuned."""
-        lowered = max(effort_factors(self._tuning.configuration)) > 1.0
+        lowered = max(self._tuning.configuration.effort_factors) > 1.0
         return (self._lands or self._seen) if lowered else ""
+
+    def report(self, to: Diagnostics, now_s: float) -> None:  # noqa: ARG002 - see `Reports`
+        """See `rcopterx.agents.reporting.Reports`."""
+        to.remarks += (self.remark,)
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
         """Process the last period, lower the bandwidth if necessary; not that of an external program."""
@@ -83,14 +78,14 @@ class OscillationGuard:
         swinging = self._detector.observe(output.input, tilt, estimate.motion, output.reference, period_s)
         if not swinging:
             return
-        self.events[OSCILLATION] += 1
+        self._events[OSCILLATION] += 1
         self._swinging |= swinging
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
 
     def _watch_drift(self, off_m: float, period_s: float) -> None:
         """Land a vehicle that drifts although the bandwidth cannot be lowered further."""
-        lowest = max(effort_factors(self._tuning.configuration)) >= LARGEST
+        lowest = max(self._tuning.configuration.effort_factors) >= LARGEST
         if not lowest:
             self._lands = ""
         if not lowest or self._pilot.guidance.phase is not Phase.FLYING:
@@ -98,7 +93,7 @@ class OscillationGuard:
             return
         self._drift_s = max(0.0, self._drift_s + (period_s if off_m > DRIFT_M else -period_s))
         if self._drift_s > DRIFT_S:
-            self.events[DRIFTED] += 1
+            self._events[DRIFTED] += 1
             self._lands = f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
             self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
 
@@ -107,15 +102,15 @@ class OscillationGuard:
         swinging, self._swinging = self._swinging, frozenset()
         factors = [
             min(STEP * factor, LARGEST) if loop in swinging else factor
-            for loop, factor in zip(Loop, effort_factors(present), strict=True)
+            for loop, factor in zip(Loop, present.effort_factors, strict=True)
         ]
         settings = flying(present.controller).load(present.controller).Settings
-        lowest = factors == list(effort_factors(present))
+        lowest = factors == list(present.effort_factors)
         if lowest or EFFORT_FACTORS not in settings.__struct_fields__:
             return
         self._since_step_s = 0.0
         self._detector.changed(swinging)
-        self.events[BANDWIDTH_LOWERED] += 1
+        self._events[BANDWIDTH_LOWERED] += 1
         swings = [self._detector.swings[loop] for loop in sorted(swinging)]
         self._seen = "bandwidth lowered: " + ", ".join(
             f"{swing.signal} oscillated at {swing.frequency_hz:.1f} Hz by {swing.size:.2f} of its range"

@@ -179,7 +179,7 @@ class MembershipService(Service):
     def agents_are_late(self) -> bool:
         """Whether the commands of an agent of this host are late."""
         statuses = (self._last_status(vehicle) for vehicle in self._agents)
-        return any(status is not None and status.diagnostics.late_share > LATE_SHARE for status in statuses)
+        return any(status is not None and status.late_share > LATE_SHARE for status in statuses)
 
     def _phase(self, vehicle: str) -> str:
         status = self._last_status(vehicle)
@@ -187,7 +187,7 @@ class MembershipService(Service):
 
     def _flies_elsewhere(self, vehicle: str) -> bool:
         status = self._last_status(vehicle)
-        return status is not None and status.diagnostics.host not in (None, self._host)
+        return status is not None and status.host not in (None, self._host)
 
     def _last_status(self, vehicle: str) -> AgentStatus | None:
         inbox = self._statuses.inboxes.get(vehicle)

@@ -7,9 +7,8 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
 from rcopterx.agents.guards.time_limit import RepeatedTimeLimit
-from rcopterx.agents.process import Agent
+from rcopterx.agents.process import TRAJECTORY_CHECKED, TUNED, Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.log_messages import RoundedEstimate

@@ -125,8 +125,8 @@ class Observer:
         agent, agent_age_s = _newest(self._agents.inboxes.get(name), now_s)
         transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
         pose_age_s = None
-        if agent is not None and agent_age_s is not None and agent.diagnostics.pose_age_s is not None:
-            pose_age_s = agent.diagnostics.pose_age_s + agent_age_s
+        if agent is not None and agent_age_s is not None and agent.pose_age_s is not None:
+            pose_age_s = agent.pose_age_s + agent_age_s
         unseen_s = self._unseen_s(name, now_s)
         motion = self._motion
         pose = None if motion is None else _newest(motion.poses.inboxes.get(name), now_s)[0]

@@ -74,7 +74,7 @@ class VehicleState:
     @property
     def host(self) -> str | None:
         """Host on which its agent runs; None without a status."""
-        return None if self.agent is None else self.agent.diagnostics.host
+        return None if self.agent is None else self.agent.host
 
     @property
     def transmitter_state(self) -> str:
@@ -164,11 +164,11 @@ class VehicleState:
         found = []
         if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
             found.append(f"{self.name}: agent not responding{since(self.agent_age_s)}")
-        elif self.agent.diagnostics.pose_age_s is None or self.agent.diagnostics.pose_age_s > stale_s:
-            found.append(f"{self.name}: no pose{since(self.agent.diagnostics.pose_age_s)}")
+        elif self.agent.pose_age_s is None or self.agent.pose_age_s > stale_s:
+            found.append(f"{self.name}: no pose{since(self.agent.pose_age_s)}")
         elif self.seen_age_s is None or self.seen_age_s > stale_s:
             found.append(f"{self.name}: the motion capture does not see it{since(self.seen_age_s)}")
-        elif (late_share := self.agent.diagnostics.late_share) > LATE_SHARE and not self.airborne:
+        elif (late_share := self.agent.late_share) > LATE_SHARE and not self.airborne:
             found.append(
                 f"{self.name}: {late_share:.0%} of its commands are late while it stands; fly fewer vehicles "
                 "on this computer, or end other programs"

@@ -13,7 +13,7 @@ from support.waiting import DEADLINE_S
 from rcopterx.agents.estimation import BLIND_LIMIT_S
 from rcopterx.agents.flight.timeline import INPUT_UNIT
 from rcopterx.agents.process import Agent
-from rcopterx.agents.reporting import status_message
+from rcopterx.agents.reporting import error_m
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
@@ -116,14 +116,14 @@ def test_an_occluded_vehicle_is_commanded_for_a_while_and_then_left_to_its_gatew
 
 def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed(bench: Bench) -> None:
     bench.start()
-    sent, missed = len(bench.sent), bench.agent.parts.pacing.missed_ticks
+    sent, missed = len(bench.sent), bench.agent.pacing.missed_ticks
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent.parts.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
-    assert bench.agent.parts.pacing.missed_ticks == missed + 1
+    assert bench.agent.pacing.missed_ticks == missed + 1
 
 
 def test_poses_that_waited_while_the_agent_was_stopped_cause_no_commands(bench: Bench) -> None:
@@ -133,7 +133,7 @@ def test_poses_that_waited_while_the_agent_was_stopped_cause_no_commands(bench: 
     for _ in range(20):
         bench.frame += 1
         bench.clock.advance(0.001)
-        bench.agent.parts.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.poses.store(encode(bench.pose(publish=False)), bench.clock())
         bench.agent.step()
     bench.see()
     bench.command_of(bench.frame)
@@ -145,7 +145,7 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
     bench: Bench, bus_address: BusAddress, topic: str
 ) -> None:
     bench.start()
-    inboxes = {"pose": bench.agent.parts.poses, "applied": bench.agent.parts.applied}
+    inboxes = {"pose": bench.agent.poses, "applied": bench.agent.applied}
     with raw_session(bus_address) as stranger:
 
         def counted() -> bool:
@@ -160,7 +160,7 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
 def test_durations_of_control_steps_are_reported_as_percentiles_in_milliseconds(bench: Bench) -> None:
     bench.start()
-    solve_ms = bench.agent.parts.solve_ms
+    solve_ms = bench.agent.relief.solve_ms
     solve_ms.clear()
     assert bench.status().diagnostics.solve_ms_max == 0.0
     solve_ms.extend(map(float, range(1, 101)))
@@ -207,16 +207,16 @@ def test_a_plan_that_comes_too_late_is_counted(follower: Bench) -> None:
     follower.see()
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame))
     follower.command_of(follower.frame)
-    late = follower.pilot.fallbacks["leader_plan_late"]
+    late = follower.pilot.events["leader_plan_late"]
     follower.see()
     follower.clock.advance(0.005)
     follower.command_of(follower.frame)
-    assert follower.pilot.fallbacks["leader_plan_late"] == late + 1
+    assert follower.pilot.events["leader_plan_late"] == late + 1
 
 
 def test_plans_wake_a_follower_only_while_it_waits_for_them(follower: Bench) -> None:
     follower.start()
-    plans = follower.agent.parts.plans
+    plans = follower.agent.following.plans
     assert not plans.awaited
     follower.see()
     assert plans.awaited
@@ -232,7 +232,7 @@ def test_a_pose_that_comes_late_while_its_bridged_frame_waits_for_a_plan_is_no_m
     follower.see()
     follower.clock.advance(0.005)
     follower.command_of(follower.frame)
-    missed = follower.agent.parts.pacing.missed_ticks
+    missed = follower.agent.pacing.missed_ticks
     follower.clock.advance(0.0261)
     bridged = follower.frame + 1
     follower.step_until(lambda: follower.agent.control_by_s is not None, "the late frame is not bridged")
@@ -242,7 +242,7 @@ def test_a_pose_that_comes_late_while_its_bridged_frame_waits_for_a_plan_is_no_m
     assert follower.frame == bridged
     follower.clock.advance(0.005)
     follower.command_of(bridged)
-    assert follower.agent.parts.pacing.missed_ticks == missed
+    assert follower.agent.pacing.missed_ticks == missed
 
 
 def test_a_follower_of_a_follower_waits_longer(follower: Bench) -> None:
@@ -268,7 +268,6 @@ def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
 
 def test_the_status_tells_how_far_the_vehicle_is_from_its_reference(follower: Bench) -> None:
     follower.start()
-    diagnostics = follower.status().diagnostics
     follower.see()
     follower.clock.advance(0.005)
     follower.command_of(follower.frame)
@@ -276,7 +275,7 @@ def test_the_status_tells_how_far_the_vehicle_is_from_its_reference(follower: Be
     assert pilot.plan is not None
     assert pilot.reference is not None
     pilot.reference = pilot.plan.samples[0, :4] + np.array([0.3, 0.4, 0.0, 1.0])
-    assert status_message(pilot, "follow", diagnostics).error_m == pytest.approx(0.5, abs=1e-4)
+    assert error_m(pilot) == pytest.approx(0.5, abs=1e-4)
 
 
 def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
@@ -304,6 +303,6 @@ def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_a
         bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, waiter=wakeup)), realtime=False
     )
     wakeup.wait(0.0)
-    agent.parts.tuning.begin(agent.parts.tuning.configuration.changed("lqr", {}, None, {}))
+    agent.tuning.begin(agent.tuning.configuration.changed("lqr", {}, None, {}))
     wakeup.wait(DEADLINE_S)
-    assert isinstance(agent.parts.tuning.finish(), str)
+    assert isinstance(agent.tuning.finish(), str)

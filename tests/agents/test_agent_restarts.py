@@ -65,11 +65,11 @@ def successor(join: Join, address: BusAddress, intent: Intent) -> Bench:
 
         def recalled() -> bool:
             """The agent asked before anybody served; ask again as its successor would."""
-            if bench.agent.parts.handover.predecessor is None:
+            if bench.agent.handover.predecessor is None:
                 bench.agent = Agent(
                     bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock)), realtime=False
                 )
-            return bench.agent.parts.handover.predecessor == intent
+            return bench.agent.handover.predecessor == intent
 
         wait_for(recalled, "the launcher is not found")
     return bench

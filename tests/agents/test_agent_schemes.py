@@ -43,7 +43,7 @@ def test_agent_publishes_the_messages_of_its_scheme_and_waits_for_no_plan(follow
     assert sent[-1].offsets_m == {"h1": FOLLOWING[0].offset_m}
     assert msgspec.msgpack.decode(sent[-1].payload, type=Moving)
     assert follower.agent.control_by_s is None
-    assert "leader_plan_late" not in follower.pilot.fallbacks
+    assert "leader_plan_late" not in follower.pilot.events
     assert "leader_plan_missing" not in follower.pilot.events
 
 

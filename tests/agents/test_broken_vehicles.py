@@ -49,7 +49,7 @@ def test_a_weak_rotor_lands_softly_and_says_why() -> None:
     rig = broken(0, PlantFaults(thrust_factor=0.65), 5.0, 2.0)
     pilot = rig.pilots["h1"]
     assert pilot.remarks[0].startswith("it lands: the thrust has fallen by 3")
-    assert pilot.fallbacks["thrust_lost"] == 1
+    assert pilot.events["thrust_lost"] == 1
     lands(rig)
 
 
@@ -64,9 +64,9 @@ def test_a_reversed_axis_is_left_alone_from_then_on() -> None:
 @pytest.mark.parametrize("every", [2, 4])
 def test_broken_vehicles_land_at_a_lower_control_rate_too(every: int) -> None:
     weak = broken(0, PlantFaults(thrust_factor=0.65), 5.0, 2.0, every)
-    assert weak.pilots["h1"].fallbacks["thrust_lost"] == 1
+    assert weak.pilots["h1"].events["thrust_lost"] == 1
     reversed_pitch = broken(1, PlantFaults(stick_gain=(-1.0, 1.0, 1.0, 1.0)), 5.0, 2.0, every)
-    assert reversed_pitch.pilots["h1"].fallbacks["axis_reversed"] == 1
+    assert reversed_pitch.pilots["h1"].events["axis_reversed"] == 1
 
 
 @pytest.mark.campaign

@@ -11,7 +11,7 @@ from pilot_bench import seen
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.takeover import ControlLease, Handover
+from rcopterx.agents.takeover import Handover
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
@@ -51,6 +51,8 @@ INTENT = Intent(
 class Launcher:
     """The session of an agent whose launcher remembers its predecessor."""
 
+    life = 1
+
     def __init__(self, reply: RecallReply) -> None:
         self._reply = reply
         self.intents: list[Intent] = []
@@ -83,7 +85,6 @@ class Restarted:
         self.handover = Handover(
             self.launcher,  # type: ignore[arg-type]  # answers like one
             settings,
-            ControlLease(1, take_over=False, now_s=0.0),
             self.pilot,
             self.tuning,
         )

@@ -98,7 +98,7 @@ def test_a_vehicle_that_does_not_lift_is_given_up_with_its_rotor_off() -> None:
         flight = pilot.control({})
         pilot.observe(seen(frame, (0.0, 0.0, 0.0)))
     assert pilot.guidance.phase is Phase.ARMED
-    assert pilot.fallbacks["not_lifted"] == 1
+    assert pilot.events["not_lifted"] == 1
     assert not flight.input.any()
     assert not controller_of(pilot).resets
 
@@ -240,7 +240,7 @@ def test_every_fallback_of_the_controller_is_counted_by_kind() -> None:
     for kind in ("early_stop", "shifted_plan", "early_stop", None):
         controller_of(pilot).fallback = kind
         pilot.control({})
-    assert pilot.fallbacks == {"early_stop": 2, "shifted_plan": 1}
+    assert pilot.events == {"early_stop": 2, "shifted_plan": 1}
 
 
 def test_a_follower_without_plans_holds_its_place_and_counts_it() -> None:

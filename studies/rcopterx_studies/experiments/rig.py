@@ -191,7 +191,7 @@ class Rig:
         # Frames that the Tracker missed are weather, and no fallbacks.
         missed = Counter({OCCLUDED: self._frame + 1})
         pilot = self.pilots[name]
-        fallbacks = pilot.fallbacks + pilot.estimation.events + self.guards[name].events - missed
+        fallbacks = pilot.events - missed
         plant = self.laboratory.plants[name]
         return VehicleRecord(
             time_s, motion, reference, station, inputs, fallbacks, plant.left_volume, plant.touchdowns

@@ -274,7 +274,7 @@ def test_a_promised_leader_whose_plan_never_comes_is_counted_and_nothing_changes
     promised(bench, "h1")
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     bench.changes.decide()
-    assert bench.changes.events["promised_leader_missing"] == 1
+    assert bench.pilot.events["promised_leader_missing"] == 1
     assert bench.pilot.guidance.task.followed == ()
     assert bench.plan_bus.open_names() == []
 

@@ -87,7 +87,7 @@ def test_the_vehicle_keeps_its_place_with_sound_commands_however_its_controller_
 def test_a_failure_is_flown_by_the_shifted_plan_and_then_by_the_default_controller(failure: str) -> None:
     flight = Flight([None] * 10 + [failure] * 100)
     flight.fly(1.0)
-    fallbacks = flight.pilot.fallbacks
+    fallbacks = flight.pilot.events
     assert fallbacks[SHIFTED_PLAN] == PATIENCE
     assert fallbacks[CONTROLLER_REPLACED] == 1
     assert flight.pilot.controller is flight.default
@@ -97,7 +97,7 @@ def test_a_failure_is_flown_by_the_shifted_plan_and_then_by_the_default_controll
 def test_without_a_plan_to_shift_the_default_controller_flies_at_once() -> None:
     flight = Flight(["raises"])
     flight.fly(0.06)
-    assert flight.pilot.fallbacks[DEFAULT_CONTROLLER] == 3
+    assert flight.pilot.events[DEFAULT_CONTROLLER] == 3
     assert not flight.pilot.step_guard.replaced
 
 
@@ -105,7 +105,7 @@ def test_a_controller_that_recovers_flies_on() -> None:
     flight = Flight([None] * 20 + ["raises"] * (PATIENCE - 1))
     flight.fly(3.0)
     assert flight.pilot.controller is flight.failing
-    assert flight.pilot.fallbacks[CONTROLLER_REPLACED] == 0
+    assert flight.pilot.events[CONTROLLER_REPLACED] == 0
 
 
 def test_the_default_controller_stays_until_somebody_chooses_again() -> None:
@@ -142,7 +142,7 @@ def test_where_the_default_controller_fails_too_a_feedback_law_keeps_the_place()
     flight = Flight(["inputs are not a number"], default)
     flight.fly(3.0)
     assert flight.away_m < 0.05
-    assert flight.pilot.fallbacks[HOVERING] > 100
+    assert flight.pilot.events[HOVERING] > 100
 
 
 def test_a_default_controller_that_is_flown_itself_is_not_replaced_by_itself() -> None:

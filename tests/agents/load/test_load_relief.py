@@ -1,5 +1,7 @@
 """Promises of an agent that cannot keep up: what it decided takes effect by a note, and vehicles fly on."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from agent_bench import Bench
@@ -13,6 +15,7 @@ from rcopterx.agents.relief import NEAREST, LoadRelief
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.subscription import Inbox
 
 LATE_S = 0.05
@@ -58,6 +61,7 @@ class Scene:
             self.traffic,
             self.launcher,
             lambda: self.used_s,
+            Counter(),
         )
 
     def take_effect(self) -> bool:
@@ -125,28 +129,28 @@ def test_missed_periods_count_as_late() -> None:
 
 def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
     scene = Scene()
-    scene.used_s = 0.3
-    assert scene.relief.processor_share(12.0) == pytest.approx(0.15)
-    scene.used_s = 0.8
-    assert scene.relief.processor_share(13.0) == pytest.approx(0.5)
-    assert scene.relief.processor_share(13.0) == 0.0
+    reported = Diagnostics(controller="lqr", estimator="kalman", horizon=20)
+    for used_s, now_s, share in ((0.3, 12.0, 0.15), (0.8, 13.0, 0.5), (0.8, 13.0, 0.0)):
+        scene.used_s = used_s
+        scene.relief.report(reported, now_s)
+        assert reported.processor_share == pytest.approx(share)
 
 
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
     bench.start()
     bench.bus.note("relief_2")
-    bench.step_until(lambda: bench.agent.parts.pacing.every == 2, "half rate does not begin")
+    bench.step_until(lambda: bench.agent.pacing.every == 2, "half rate does not begin")
     # The second vehicle of the fleet, so its turn is with odd frames.
     if bench.frame % 2 == 0:
         bench.see()
     bench.sent.clear()
-    missed_ticks = bench.agent.parts.pacing.missed_ticks
+    missed_ticks = bench.agent.pacing.missed_ticks
     for _ in range(4):
         bench.see()
         bench.see()
         bench.command_of(bench.frame)
     assert all(command.frame % 2 == 1 for command in bench.sent)
-    assert bench.pilot.fallbacks["control_left_out"] >= 3
+    assert bench.pilot.events["control_left_out"] >= 3
     bench.clock.advance(0.4)  # Statuses come half as often.
     diagnostics = bench.status().diagnostics
     assert diagnostics.missed_ticks == missed_ticks
@@ -159,12 +163,12 @@ def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Ben
 
     def ordered() -> bool:
         bench.others.publish(channels.LAUNCHER, "main", status)
-        return bench.agent.parts.relief.relief is Relief.QUARTER_RATE
+        return bench.agent.relief.relief is Relief.QUARTER_RATE
 
     bench.step_until(ordered, "the agent receives no order of the launcher")
     for _ in range(8):
         bench.see()
-    assert bench.agent.parts.pacing.every == 4
+    assert bench.agent.pacing.every == 4
     rests_s = []
     for _ in range(4):
         bench.see()
@@ -184,7 +188,7 @@ def test_a_period_that_is_left_out_is_predicted_with_the_input_planned_for_it() 
     pilot.fly_as_planned()
     assert pilot.sequence == sequence
     assert np.array_equal(pilot.input_history.newest, output.next_inputs[0])
-    assert pilot.fallbacks["control_left_out"] == 1
+    assert pilot.events["control_left_out"] == 1
 
 
 def test_the_plan_of_a_step_that_fails_later_is_that_of_the_time_although_periods_were_left_out() -> None:
@@ -204,7 +208,7 @@ def test_a_vehicle_on_the_floor_has_nothing_planned() -> None:
     pilot.observe(seen(1, (0.0, 0.0, 0.0)))
     pilot.control({})
     pilot.fly_as_planned()
-    assert pilot.fallbacks["control_left_out"] == 0
+    assert pilot.events["control_left_out"] == 0
 
 
 def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -> None:

@@ -10,7 +10,6 @@ from support.statuses import hovering
 
 from rcopterx.agents.following.leader_plans import followed_leader, link_message
 from rcopterx.agents.requests.request_handler import DEFERRED, MOST_IN_A_STEP
-from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import (
@@ -248,7 +247,7 @@ def test_a_flood_of_requests_is_handled_a_few_in_a_step_and_the_rest_is_counted(
         steps += 1
         assert sum(len(asked.answers) for asked in flood) == min(5, steps * MOST_IN_A_STEP)
         assert bool(bench.handler.waiting) is (steps * MOST_IN_A_STEP < 5)
-    assert bench.handler.events[DEFERRED] == 5 - MOST_IN_A_STEP
+    assert bench.pilot.events[DEFERRED] == 5 - MOST_IN_A_STEP
     assert bench.pilot.guidance.set_point()[0] == pytest.approx([0.4, 0.0, 1.0])
 
 
@@ -326,12 +325,12 @@ def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
     )
     bench.tuning.wait()
     bench.handler.finish_tuning()
-    assert effort_factors(bench.tuning.configuration) == (27.0, 1.0, 1.0)
+    assert bench.tuning.configuration.effort_factors == (27.0, 1.0, 1.0)
     request = bench.ask(Tune(controller_settings=asked))
     bench.tuning.wait()
     bench.handler.finish_tuning()
     assert request.refusal is None
-    assert effort_factors(bench.tuning.configuration) == (1.0, 1.0, 1.0)
+    assert bench.tuning.configuration.effort_factors == (1.0, 1.0, 1.0)
 
 
 GENTLE = (0.1, 0.1, 0.02, 0.03)

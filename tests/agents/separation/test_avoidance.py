@@ -136,9 +136,9 @@ def test_a_controller_that_cannot_avoid_says_so(controller: str) -> None:
         assert pilot.avoidance.ticks == 2
         assert pilot.avoidance.closest_m is not None
         assert 0.0 <= pilot.avoidance.closest_m < 0.31
-        assert not pilot.fallbacks["cannot_avoid"]
+        assert not pilot.events["cannot_avoid"]
     else:
-        assert pilot.fallbacks["cannot_avoid"] == 2
+        assert pilot.events["cannot_avoid"] == 2
         assert pilot.avoidance.ticks == 0
 
 

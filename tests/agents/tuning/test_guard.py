@@ -20,7 +20,6 @@ from rcopterx.agents.tuning.guard import (
     SHORTEST_STEP_S,
     STEP,
     OscillationGuard,
-    effort_factors,
     without_guard,
 )
 from rcopterx.control.identification.excitation import Excitation
@@ -51,7 +50,7 @@ class Watched:
 
     @property
     def factor(self) -> float:
-        return effort_factors(self.flight.tuning.configuration)[Loop.HORIZONTAL]
+        return self.flight.tuning.configuration.effort_factors[Loop.HORIZONTAL]
 
 
 def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
@@ -62,7 +61,7 @@ def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
     assert factors[1] == 1.0
     assert factors == sorted(factors)
     assert max(b / a for a, b in pairwise(factors)) <= STEP**2
-    assert watched.guard.events[BANDWIDTH_LOWERED] == round(math.log(factors[-1], STEP))
+    assert watched.flight.pilot.events[BANDWIDTH_LOWERED] == round(math.log(factors[-1], STEP))
     assert SHORTEST_STEP_S >= 0.2
 
 
@@ -70,7 +69,7 @@ def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
 def test_only_the_loop_that_oscillates_is_lowered(stick: int, loop: Loop) -> None:
     watched = Watched()
     watched.swing(1.6, 0.4 if loop is not Loop.HORIZONTAL else 1.0, stick_index=stick)
-    factors = effort_factors(watched.flight.tuning.configuration)
+    factors = watched.flight.tuning.configuration.effort_factors
     assert factors[loop] > 1.0
     assert {factor for other, factor in zip(Loop, factors, strict=True) if other is not loop} == {1.0}
 
@@ -86,7 +85,7 @@ def test_an_oscillation_is_one_about_the_hover_of_the_present_model() -> None:
     )
     watched.flight.flown[-1].input[:] = model.hover_input
     watched.swing(1.6, 0.8 * float(model.stick_room[U_THRUST]), stick_index=U_THRUST)
-    assert watched.guard.events[OSCILLATION] > 0
+    assert watched.flight.pilot.events[OSCILLATION] > 0
 
 
 def test_what_oscillated_is_told_until_somebody_tunes_the_vehicle() -> None:
@@ -119,7 +118,7 @@ def test_there_is_a_largest_factor_and_the_flight_goes_on() -> None:
     watched = Watched()
     watched.swing(8.0)
     assert watched.factor == LARGEST
-    assert watched.guard.events[OSCILLATION] > watched.guard.events[BANDWIDTH_LOWERED]
+    assert watched.flight.pilot.events[OSCILLATION] > watched.flight.pilot.events[BANDWIDTH_LOWERED]
     watched.flight.fly(50)
     assert watched.flight.error_m() < 0.2
 
@@ -145,7 +144,7 @@ def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_after_10_s_
     assert drifted(LARGEST, 9.9, off_m).flight.pilot.guidance.phase is Phase.FLYING
     watched = drifted(LARGEST, 10.1, off_m)
     assert watched.flight.pilot.guidance.phase is Phase.LANDING
-    assert watched.guard.events[DRIFTED] == 1
+    assert watched.flight.pilot.events[DRIFTED] == 1
     assert watched.guard.remark == f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
 
 
@@ -153,7 +152,7 @@ def test_why_it_lands_is_shown_until_somebody_tunes_the_vehicle() -> None:
     watched = drifted(LARGEST, 10.1, 0.2)
     reason = watched.guard.remark
     watched.swing(1.6, 0.4, stick_index=2)
-    assert watched.guard.events[BANDWIDTH_LOWERED] > 0
+    assert watched.flight.pilot.events[BANDWIDTH_LOWERED] > 0
     assert watched.guard.remark == reason
     watched.flight.tuning.begin(without_guard(watched.flight.tuning.configuration))
     watched.flight.tuning.wait()
@@ -172,15 +171,15 @@ def test_of_a_controller_that_cannot_lower_it_the_oscillation_is_only_told(contr
     watched = Watched(controller)
     flown = watched.flight.pilot.controller
     watched.swing(4.0)
-    assert watched.guard.events[OSCILLATION] > 0
-    assert watched.guard.events[BANDWIDTH_LOWERED] == 0
+    assert watched.flight.pilot.events[OSCILLATION] > 0
+    assert watched.flight.pilot.events[BANDWIDTH_LOWERED] == 0
     assert watched.flight.pilot.controller is flown
 
 
 def test_a_program_outside_keeps_its_bandwidth() -> None:
     watched = Watched()
     watched.swing(4.0, own=False)
-    assert watched.guard.events[OSCILLATION] > 0
+    assert watched.flight.pilot.events[OSCILLATION] > 0
     assert watched.factor == 1.0
 
 
@@ -190,14 +189,14 @@ def test_on_the_floor_nothing_counts() -> None:
     for k in range(200):
         stick = np.array([math.sin(0.25 * k), 0.0, 0.0, 0.0])
         watched.guard.watch(ControlOutput(stick, flown.next_inputs, flown.plan, 0.02, None))
-    assert not watched.guard.events
+    assert OSCILLATION not in watched.flight.pilot.events
 
 
 def test_without_the_guard_a_configuration_keeps_everything_else() -> None:
     before = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
     lowered = before.changed(None, {"effort_factors": [1.0, 1.0, 27.0]}, None, {})
-    assert effort_factors(lowered) == (1.0, 1.0, 27.0)
-    assert effort_factors(before) == (1.0, 1.0, 1.0)
+    assert lowered.effort_factors == (1.0, 1.0, 27.0)
+    assert before.effort_factors == (1.0, 1.0, 1.0)
     assert without_guard(lowered) == before
 
 

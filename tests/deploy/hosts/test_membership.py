@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import msgspec
 import pytest
 from support.bus import asked
 from support.statuses import flying_status
@@ -102,9 +101,7 @@ def test_late_commands_of_an_agent_of_this_host_are_noticed(
     session = join()
 
     def noticed(late_share: float) -> bool:
-        status = flying_status()
-        diagnostics = msgspec.structs.replace(status.diagnostics, late_share=late_share)
-        session.publish(channels.AGENT_STATUS, "h1", msgspec.structs.replace(status, diagnostics=diagnostics))
+        session.publish(channels.AGENT_STATUS, "h1", flying_status(late_share=late_share))
         return membership.agents_are_late
 
     assert not membership.agents_are_late

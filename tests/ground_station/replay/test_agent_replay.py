@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
 from rcopterx.agents.guards.time_limit import TimeLimit
-from rcopterx.agents.process import Agent
+from rcopterx.agents.process import TRAJECTORY_CHECKED, TUNED, Agent
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.log_messages import AgentSteps
 from rcopterx.bus.message import Message

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
-from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION, effort_factors
+from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.simulator.conditions import HELICOPTERS
@@ -43,9 +43,9 @@ def flown(
 @pytest.mark.parametrize(("model", "seed"), [(LAG_ONLY, 1), (GAIN_A_FIFTH, 0)], ids=["lag only", "gain"])
 def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
     rig, record = flown(model, seed, 8.0)
-    lowered = rig.guards["h1"].events[BANDWIDTH_LOWERED]
+    lowered = rig.pilots["h1"].events[BANDWIDTH_LOWERED]
     assert lowered > 1
-    assert max(effort_factors(rig.tunings["h1"].configuration)) <= 3.0**lowered
+    assert max(rig.tunings["h1"].configuration.effort_factors) <= 3.0**lowered
     early, late = (
         record.inputs[rows, :2].std(axis=0).max() for rows in (record.time_s < 2.0, record.time_s > 6.5)
     )
@@ -66,9 +66,9 @@ def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_f
     for second in range(25):
         faults.advance(float(second))
         rig.fly(1.0)
-        if lowest_at_s is None and max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST:
+        if lowest_at_s is None and max(rig.tunings["h1"].configuration.effort_factors) == LARGEST:
             lowest_at_s = second
-        if landed_at_s is None and guard.events[DRIFTED]:
+        if landed_at_s is None and rig.pilots["h1"].events[DRIFTED]:
             landed_at_s = second
     assert lowest_at_s is not None
     assert landed_at_s is not None
@@ -95,7 +95,7 @@ def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_f
 )
 def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequence[PilotEvent]) -> None:
     rig, record = flown(COAXIAL, seed, 7.0, events)
-    assert rig.guards["h1"].events[OSCILLATION] == 0
+    assert rig.pilots["h1"].events[OSCILLATION] == 0
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.3
 
 
@@ -104,7 +104,7 @@ def test_a_long_turn_at_the_largest_rate_is_calm_although_sticks_act_late(seed: 
     """50 ms later than the model says, with radio frames and slew rates; the rule has 30 ms."""
     turn = GoToEvent(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
     rig, record = flown(COAXIAL, seed, 6.0, (turn,), delay_s=0.07)
-    assert rig.guards["h1"].events[OSCILLATION] == 0
+    assert rig.pilots["h1"].events[OSCILLATION] == 0
     along = (record.time_s > 1.6) & (record.time_s < 4.2)
     rate = record.motion[along, YAW_RATE]
     assert rate.std() < 0.4
