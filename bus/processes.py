@@ -54,9 +54,9 @@ ROLES: Final = {
 
 SPARE: Final = "spare"  # process that waits to replace others
 SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
-RECALL: Final = "recall"  # service of the launcher
-MEMBERSHIP: Final = "membership"  # service of the launcher
-SERVICES: Final = (MEMBERSHIP, RECALL)  # of the launcher, which take turns in lockstep
+HOST_SERVICE: Final = "host_service"
+CHECKPOINT: Final = "checkpoint"
+SERVICES: Final = (HOST_SERVICE, CHECKPOINT)  # of the launcher, which take turns in lockstep
 RESERVED_PROCESSES: Final = (
     *(name for name, role in ROLES.items() if role.unit == "host"), SPARE, *SERVICES, SCRIPT,
 )  # fmt: skip

@@ -208,13 +208,6 @@ class Session:
             self.await_subscriptions()
             join_without_turns(self.address.clock.page, process)
 
-    def want(self, process: str, wanted: bool) -> None:
-        """In lockstep, let the time wait for a process that is started, or end one at the present time."""
-        if self.address.clock.page is not None:
-            from rcopterx.bus.lockstep.page import opened_page
-
-            opened_page(self.address.clock.page).want(process, wanted)
-
     def __enter__(self) -> "Session":
         return self
 

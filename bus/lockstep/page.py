@@ -14,6 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.lockstep.fleet_time import FleetTime
+
 FIRST_S: Final = 1000.0  # time of a fleet at its start
 PROCESSES: Final = 512
 COUNTERS: Final = 16_384
@@ -103,22 +105,6 @@ class LockstepPage(ctypes.Structure):
         counters = self.counters[: self.used_counters]
         return any(counter.count and counter.name == name.encode() for counter in counters)
 
-    def want(self, name: str, wanted: bool) -> None:
-        """Let the time wait for a process that is started, or end one."""
-        participant = self.participants[self.index_of(name)]
-        participant.wanted, participant.to_be_killed = wanted, not wanted and participant.process > 0
-
-    def lived_s(self, name: str) -> float:
-        """Return, once, for how long a process that has died took turns [s]; 0 if it never did."""
-        participant = self.participants[self.index_of(name)]
-        lived_s, participant.lived_s = float(participant.lived_s), 0.0
-        return lived_s
-
-    def want_none(self) -> None:
-        """Let the time pass without processes that are missing."""
-        for participant in self.participants[1 : self.used_participants]:
-            participant.wanted = 0
-
     def release(self, index: int) -> None:
         """Note that a process is gone: no process waits for what it has sent."""
         for counter in self.counters[: self.used_counters]:
@@ -154,3 +140,46 @@ def remove_page(path: Path) -> None:
     """Remove the page of a fleet that is down."""
     for found in path.parent.glob(f"{path.name}*"):
         found.unlink()
+
+
+class LockstepTime(FleetTime):
+    """The time on a page, which exists from `begin` to `end`."""
+
+    waits = True
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def begin(self, processes: Iterable[str]) -> None:
+        """See `FleetTime.begin`."""
+        create_page(self._path, processes)
+
+    def _participant(self, name: str) -> ParticipantState:
+        page = opened_page(self._path)
+        participant: ParticipantState = page.participants[page.index_of(name)]
+        return participant
+
+    def lived_s(self, process: str) -> float:
+        """Return, once, for how long a process that has died took turns [s]; 0 if it never did."""
+        participant = self._participant(process)
+        lived_s, participant.lived_s = float(participant.lived_s), 0.0
+        return lived_s
+
+    def want(self, process: str, wanted: bool) -> None:
+        """See `FleetTime.want`."""
+        participant = self._participant(process)
+        participant.wanted, participant.to_be_killed = wanted, not wanted and participant.process > 0
+
+    def want_none(self) -> None:
+        """See `FleetTime.want_none`."""
+        page = opened_page(self._path)
+        for participant in page.participants[1 : page.used_participants]:
+            participant.wanted = 0
+
+    def note_lost_routers(self, count: int) -> None:
+        """See `FleetTime.note_lost_routers`."""
+        opened_page(self._path).lost_routers = count
+
+    def end(self) -> None:
+        """See `FleetTime.end`."""
+        remove_page(self._path)

@@ -25,10 +25,10 @@ from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.endpoints import LONG_S
 from rcopterx.bus.lockstep.inbox import POLL_S, Held, LockstepInbox
 from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter, opened_page
-from rcopterx.bus.processes import MEMBERSHIP, RECALL, SCRIPT
+from rcopterx.bus.processes import SCRIPT, SERVICES
 
 LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
-NOT_STARTED_AGAIN: Final = frozenset(name.encode() for name in (SCRIPT, RECALL, MEMBERSHIP))
+NOT_STARTED_AGAIN: Final = frozenset(name.encode() for name in (SCRIPT, *SERVICES))
 
 
 class Participant:

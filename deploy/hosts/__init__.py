@@ -1,1 +1,1 @@
-"""The part of a fleet on one host: launch, membership, capacity, recall, states of vehicles."""
+"""The part of a fleet on one host: launcher, host service, checkpoint, capacity, states of vehicles."""

@@ -16,6 +16,7 @@ from typing import Final
 from rcopterx.agents.load import Relief
 from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
+from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 
 MODULE: Final = "rcopterx.deploy.hosts.control_time"
@@ -24,6 +25,7 @@ USABLE_AT_MOST: Final = 0.75  # beyond, at the lowest control rate, serial lines
 SURE: Final = 1.5  # vehicles for each processor that any computer can fly
 STANDING_S: Final = 3.0  # how long the processor time of the standing fleet is measured
 LIMIT_S: Final = 120.0
+MEASURE_S: Final = 0.1  # between two steps of a measurement
 
 Roles = Mapping[int, str]  # roles of processes by process id
 
@@ -149,6 +151,48 @@ class CapacityMeasurement:
                 self._process.wait()
             self._process = None
         self._output.unlink(missing_ok=True)
+
+
+class HostCapacity:
+    """How many vehicles a host flies, measured again as long as that may be too few.
+
+    `begin` returns a new measurement; None where nothing has to be in time, or no agent runs from the start.
+    """
+
+    def __init__(self, supervisor: Supervisor, begin: Callable[[], CapacityMeasurement] | None) -> None:
+        self._supervisor, self._begin = supervisor, begin
+        self._measurement = None if begin is None else begin()
+        self._due_s, self._problem = 0.0, ""
+        self.flies: tuple[int, ...] = ()  # result of `vehicles_flown`, if known
+        self.measuring = begin is not None and self._may_be_crowded()
+        """Whether `flies` is being measured and may be less than what runs here; published from the first
+        status on, so that no vehicle takes off before."""
+
+    def _may_be_crowded(self) -> bool:
+        children = self._supervisor.children.values()
+        return may_be_crowded(sum(child.wanted and child.spec.role == AGENT for child in children))
+
+    def step(self, late: bool) -> list[str]:
+        """Go on measuring; return a line if that fails for a new reason. See `CapacityMeasurement.step`."""
+        if self._begin is None or self._measurement is None or time.monotonic() < self._due_s:
+            return []
+        self._due_s = time.monotonic() + MEASURE_S
+        flying = self._supervisor.flying
+        result = self._measurement.step(self._supervisor.spares.ready() > 0 and not flying, late)
+        if isinstance(result, tuple):
+            self.flies = result
+        self.measuring = not (self.flies or flying) and self._may_be_crowded()
+        if self.measuring and self._measurement.done:
+            self._measurement = self._begin()
+        if not isinstance(result, str) or result == self._problem:
+            return []
+        self._problem = result
+        return [result]
+
+    def close(self) -> None:
+        """End the measurement."""
+        if self._measurement is not None:
+            self._measurement.close()
 
 
 def _ran_s(before: Threads, now: Threads) -> float:

@@ -13,16 +13,16 @@ from typing import Final, TypeVar
 from msgspec.structs import replace
 
 from rcopterx.bus.clock import Clock
-from rcopterx.bus.lockstep.page import create_page, opened_page, remove_page
-from rcopterx.bus.processes import AGENT, RECORDER, ROLES, ROUTER, SERVICES, SIMULATOR
+from rcopterx.bus.lockstep.fleet_time import time_of
+from rcopterx.bus.processes import RECORDER, ROLES, ROUTER, SERVICES, SIMULATOR
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.fleet_check import check_in_process
-from rcopterx.deploy.hosts.capacity import CapacityMeasurement, may_be_crowded
+from rcopterx.deploy.hosts.capacity import CapacityMeasurement, HostCapacity
+from rcopterx.deploy.hosts.checkpoint import CheckpointService
 from rcopterx.deploy.hosts.guarding import Guard
-from rcopterx.deploy.hosts.membership import MembershipService
-from rcopterx.deploy.hosts.recall import RecallService
+from rcopterx.deploy.hosts.host_service import HostService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
 from rcopterx.deploy.hosts.run_directory import (
     VARIABLE,
@@ -34,7 +34,7 @@ from rcopterx.deploy.hosts.run_directory import (
     write_flight,
 )
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
-from rcopterx.deploy.processes.attempts import Attempts
+from rcopterx.deploy.processes.attempts import Attempts, Step
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
 from rcopterx.deploy.processes.preloading import modules_of
 from rcopterx.deploy.processes.process_log import LauncherLog
@@ -50,8 +50,6 @@ from rcopterx.flights.flights import new_flight_name
 T = TypeVar("T")
 
 WATCH_S: Final = 0.02  # between two checks of all processes for progress
-MEASURE_S: Final = 0.1  # between two steps of the measurement of how many vehicles this computer flies
-FLOOR_S: Final = 0.25  # between two searches for vehicles on the floor whose host has died
 EVENTS_KEPT: Final = 200
 
 
@@ -67,10 +65,9 @@ def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
     return replace(limits, flight_s=flight_s, floor_s=floor_s)
 
 
-def spare_turns(fleet: FleetFile, host: str) -> dict[str, int]:
-    """Return the place of a host among those that may run the agent of each vehicle that has spare hosts."""
-    vehicles = [name for name in fleet.agents_on(host) if fleet.vehicles[name].spares]
-    return {name: fleet.agent_hosts(name).index(host) for name in vehicles}
+def home_of(fleet: FleetFile, host: str) -> list[str]:
+    """Return the vehicles whose agents run on a host from the start."""
+    return [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
 
 
 class Launcher(AbstractContextManager["Launcher"]):
@@ -92,85 +89,74 @@ class Launcher(AbstractContextManager["Launcher"]):
         script: str = "",  # in lockstep the name of a program that takes turns, too
     ) -> None:
         self._fleet, self._host, self._idle, self._script = fleet, host, idle, script
-        self._clock = clock_of(fleet)
+        clock = clock_of(fleet)
+        self._time = time_of(clock)
         self.directory = directory = run_directory(fleet.name, fleet.bus.namespace)
         # Processes that start when the place has become full find each other where this one began.
         os.environ[VARIABLE] = str(directory.parent)
+        snapshot = snapshot_path(host, directory)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         check_without(fleet, without)
         # Before any process starts: watchdogs would take one that waits for kernels for one that hangs.
         compile_all()
         check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
-        priority = Priority.SUPERVISOR.of(fleet)
-        self._forks = ForkServer(modules_of(fleet, specs), priority, speed=self._clock.speed)
+        forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet), speed=clock.speed)
         try:
-            check_in_process(fleet, directory, self._forks)
+            check_in_process(fleet, directory, forks)
         except BaseException:
-            self._forks.close()
+            forks.close()
             raise
-        self._snapshot = snapshot_path(host, directory)
-        self._logs = directory / "log"
-        self._home = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
-        guests = [name for name in fleet.agents_on(host) if name not in self._home]
+        home = home_of(fleet, host)
+        guests = [name for name in fleet.agents_on(host) if name not in home]
         limits = stretched(fleet.watchdog, fleet.clock)
-        # A process that waits for its turn does not hang.
-        limits = replace(limits, enabled=limits.enabled and watchdog and not self._clock.lockstep)
         self.supervisor = Supervisor(
             specs,
-            self._snapshot,
-            self._logs,
-            self._forks,
-            # Agents of another host may all have to be started at once. In lockstep time waits for them.
-            spares=None if self._clock.lockstep else self._make_spares(specs, SPARES + len(guests)),
-            watchdog=limits,
-            lived_s=None if self._clock.page is None else self._lived_s,
+            snapshot,
+            directory / "log",
+            forks,
+            # Agents of another host may all have to be started at once.
+            spares=None if self._time.waits else self._spares(specs, forks, SPARES + len(guests)),
+            watchdog=replace(limits, enabled=limits.enabled and watchdog and not self._time.waits),
+            lived_s=self._time.lived_s,
         )
         absent = {agent_process(name) for name in (*without, *guests)}
         for name, child in self.supervisor.children.items():
             child.wanted = child.spec.role == ROUTER if idle else name not in absent
+
+        def measurement() -> CapacityMeasurement:
+            period_s = fleet.clock.real_s(fleet.vehicles[home[0]].control.period_s)
+            return CapacityMeasurement(snapshot, home[0], period_s, forks, self.supervisor.roles)
+
+        self._capacity = HostCapacity(self.supervisor, measurement if home and not self._time.waits else None)
+        self._prepare_pilots = partial(forks.prepare_pilots, snapshot, host, fleet.agents_on(host))
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._unpublished: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
-        self._guard = Guard(host, spare_turns(fleet, host))
-        self._floor_due_s = self._measure_due_s = 0.0
-        self._recall: RecallService | None = None
-        self._membership: MembershipService | None = None
-        self._capacity = self._measurement() if self._home and not self._clock.lockstep else None
-        self._not_measured = ""  # why the capacity could not be measured the last time
+        self._checkpoint: CheckpointService | None = None
+        self._host_service: HostService | None = None
 
-    def _lived_s(self, process: str) -> float:
-        assert self._clock.page is not None
-        return opened_page(self._clock.page).lived_s(process)
-
-    def _measurement(self) -> CapacityMeasurement:
-        vehicle = self._home[0]
-        period_s = self._fleet.clock.real_s(self._fleet.vehicles[vehicle].control.period_s)
-        return CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
-
-    def _make_spares(self, specs: Sequence[ProcessSpec], count: int) -> Spares:
+    def _spares(self, specs: Sequence[ProcessSpec], forks: ForkServer, count: int) -> Spares:
         jobs = [(spec.role, spec.unit) for spec in specs if ROLES[spec.role].spare]
-        command = spare_command(self._snapshot, self._host, jobs)
-        priority = Priority.GATEWAY.of(self._fleet)
-        return Spares(self._forks, jobs, command, self._logs / "spare.log", count, priority)
+        command = spare_command(snapshot_path(self._host, self.directory), self._host, jobs)
+        log, priority = self.directory / "log" / "spare.log", Priority.GATEWAY.of(self._fleet)
+        return Spares(forks, jobs, command, log, count, priority)
 
     def __enter__(self) -> "Launcher":
-        if self._clock.lockstep:
+        vehicles = self._fleet.transmitters_on(self._host)
+        if self._time.waits:
             # Their times are those of another flight.
-            remove_states(self._fleet.transmitters_on(self._host), self.directory)
+            remove_states(vehicles, self.directory)
         try:
-            begin_states(self._fleet.transmitters_on(self._host), self.directory)
+            begin_states(vehicles, self.directory)
         except FleetError:
-            self._forks.close()
+            self.supervisor.stop_all()
             raise
-        if self._clock.page is not None:
-            children = self.supervisor.children.values()
-            awaited = (each.spec for each in children if each.wanted)
-            in_lockstep = (spec.name for spec in awaited if ROLES[spec.role].in_lockstep)
-            others = (*SERVICES, *filter(None, [self._script]))
-            create_page(self._clock.page, [SIMULATOR, *in_lockstep, *others])
-        write_snapshot(self._fleet, self._snapshot)
+        wanted = (child.spec for child in self.supervisor.children.values() if child.wanted)
+        in_lockstep = (spec.name for spec in wanted if ROLES[spec.role].in_lockstep)
+        self._time.begin([SIMULATOR, *in_lockstep, *SERVICES, *filter(None, [self._script])])
+        write_snapshot(self._fleet, snapshot_path(self._host, self.directory))
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()
         with suppress(OSError):
@@ -189,118 +175,75 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _serve(self) -> None:
         fleet, host, supervisor = self._fleet, self._host, self.supervisor
-        address = bus_address(fleet, host)
+        address, vehicles = bus_address(fleet, host), fleet.agents_on(host)
+        turns = {
+            name: fleet.agent_hosts(name).index(host) for name in vehicles if fleet.vehicles[name].spares
+        }
+
+        def quick_deaths(vehicle: str) -> int:
+            return supervisor.children[agent_process(vehicle)].quick_deaths
+
         # An agent that restarts in flight waits for its answer.
-        self._recall = call_in_realtime(
+        self._checkpoint = call_in_realtime(
             Priority.GATEWAY.of(fleet),
-            lambda: RecallService(
-                address,
-                list(fleet.agents_on(host)),
-                lambda vehicle: supervisor.children[agent_process(vehicle)].quick_deaths,
-                self._guard.vehicles,
-            ),
+            lambda: CheckpointService(address, list(vehicles), quick_deaths, Guard(host, turns)),
         )
         begin = self._begin_flight if self._idle else None
-        self._membership = MembershipService(
-            address, host, supervisor, self._unpublished, self._home, self._logs, begin
+        home, logs = home_of(fleet, host), self.directory / "log"
+        self._host_service = HostService(
+            address, supervisor, self._capacity, self._unpublished, home, logs, begin
         )
 
     def _begin_flight(self) -> None:
         """Name the flight log that recorders write from now on."""
         name = new_flight_name(self._fleet.name, time.time(), log_directory(self._fleet))
-        flight = Begun.now(name, self._clock)
-        write_flight(flight_path(self._host, self.directory), flight)
+        write_flight(flight_path(self._host, self.directory), Begun.now(name, clock_of(self._fleet)))
 
     def _run(self) -> None:
-        self._log = LauncherLog(self._logs)
+        log, attempt = LauncherLog(self.directory / "log"), Attempts()
         request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)
-        # This thread starts and stops all processes: they receive SIGTERM when it ends.
-        attempt = Attempts()
-        self._report(attempt("preparing pilots", self._prepare_pilots))
-        self._report(attempt("starting processes", self.supervisor.start_all))
-        while not self._stopping.is_set():
-            self._report(attempt("replacing lost agents", self._replace_lost_agents))
-            self._report(attempt("supervision", partial(self.supervisor.watch, WATCH_S)))
-            if self._clock.page is not None:
-                # Time passes without the messages that were lost with a router.
-                restarts = self.supervisor.children[ROUTER].restarts
-                opened_page(self._clock.page).lost_routers = restarts
-            self._report(attempt("measuring the capacity", self._measure))
-        if self._capacity is not None:
-            self._capacity.close()
-        self.supervisor.stop_all()
-        self._log.close()
 
-    def _prepare_pilots(self) -> list[str]:
-        """Let the fork server build the pilots of this host; agents build for themselves what it cannot."""
-        vehicles = self._fleet.agents_on(self._host)
-        if vehicles:
-            self._forks.prepare_pilots(self._snapshot, self._host, vehicles)
-        return []
+        def do(name: str, step: Step) -> None:
+            if lines := attempt(name, step):
+                log.append(lines)
+                self.events.extend(lines)
+                self._unpublished.extend(lines)
+
+        # This thread starts and stops all processes: they receive SIGTERM when it ends.
+        do("preparing pilots", self._prepare_pilots)
+        do("starting processes", self.supervisor.start_all)
+        while not self._stopping.is_set():
+            do("replacing lost agents", self._replace_lost_agents)
+            do("supervision", partial(self.supervisor.watch, WATCH_S))
+            self._time.note_lost_routers(self.supervisor.children[ROUTER].restarts)
+            do("measuring the capacity", self._measure)
+        self._capacity.close()
+        self.supervisor.stop_all()
+        log.close()
 
     def _replace_lost_agents(self) -> list[str]:
         """Start agents here for vehicles without commands; return a line for each."""
-        recall, membership, guard = self._recall, self._membership, self._guard
-        if recall is None or membership is None or not membership.started:
-            return []
-        now_s, vehicles = self._clock.now(), guard.vehicles
-        orphans = guard.find_orphans(now_s, recall.frames())
-        lost = dict.fromkeys(orphans, "no agent commands it in flight")
-        if vehicles and now_s >= self._floor_due_s:
-            self._floor_due_s = now_s + FLOOR_S
-            on_floor = recall.on_floor()
-            for vehicle in guard.find_orphans_on_floor(now_s, on_floor):
-                lost[vehicle] = f"host {on_floor[vehicle].runner.host}, where its agent ran, is silent"
         lines = []
-        for vehicle, reason in lost.items():
-            child = self.supervisor.children[agent_process(vehicle)]
-            if not child.wanted:
-                child.wanted = True
-                lines.append(f"{vehicle}: {reason}; its agent runs here now")
+        checkpoint, service = self._checkpoint, self._host_service
+        if checkpoint is not None and service is not None and service.started:
+            for vehicle, reason in checkpoint.lost_agents().items():
+                child = self.supervisor.children[agent_process(vehicle)]
+                if not child.wanted:
+                    child.wanted = True
+                    lines.append(f"{vehicle}: {reason}; its agent runs here now")
         return lines
 
-    def _roles(self) -> dict[int, str]:
-        children = self.supervisor.children.values()
-        return {child.process.pid: child.spec.role for child in children if child.process is not None}
-
     def _measure(self) -> list[str]:
-        """Measure how many vehicles this computer flies; return a line if that fails for a new reason."""
-        membership = self._membership
-        if self._capacity is None or membership is None or time.monotonic() < self._measure_due_s:
-            return []
-        self._measure_due_s = time.monotonic() + MEASURE_S
-        flying = self.supervisor.flying
-        ready = self.supervisor.spares.ready() > 0 and not flying
-        result = self._capacity.step(ready, membership.agents_are_late)
-        children = self.supervisor.children.values()
-        agents = sum(child.wanted and child.spec.role == AGENT for child in children)
-        if isinstance(result, tuple):
-            membership.flies = result
-        membership.measuring = not (membership.flies or flying) and may_be_crowded(agents)
-        if membership.measuring and self._capacity.done:
-            self._capacity = self._measurement()
-        if not isinstance(result, str) or result == self._not_measured:
-            return []
-        self._not_measured = result
-        return [result]
-
-    def _report(self, lines: list[str]) -> None:
-        """Log lines, and keep them for the program that started the fleet and for the bus."""
-        if not lines:
-            return
-        self._log.append(lines)
-        self.events.extend(lines)
-        self._unpublished.extend(lines)
+        service = self._host_service
+        return [] if service is None else self._capacity.step(service.agents_are_late)
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
-        for service in filter(None, (self._membership, self._recall)):
+        for service in filter(None, (self._host_service, self._checkpoint)):
             service.close()
-        self._membership = self._recall = None
+        self._host_service = self._checkpoint = None
         self._stopping.set()
-        if self._clock.page is not None:
-            opened_page(self._clock.page).want_none()
+        self._time.want_none()
         self._thread.join()
-        if self._clock.page is not None:
-            remove_page(self._clock.page)
+        self._time.end()
         remove_states(self._fleet.transmitters_on(self._host), self.directory)

@@ -5,7 +5,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.lockstep.page import remove_page
 from rcopterx.deploy.hosts.run_directory import LOCKSTEP, states_directories, states_directory
 from rcopterx.fleet.schema import FleetError
 from rcopterx.transmitter_gateway.state_page import StatePage, begin_page, open_page
@@ -58,10 +57,10 @@ def _remove_abandoned(own: Path) -> None:
         with suppress(OSError):
             if states == own or not owner.is_symlink() or owner.exists():
                 continue
-            remove_page(states / LOCKSTEP)
             for page in states.iterdir():
-                if page != owner:
+                if page != owner and not page.name.startswith(LOCKSTEP):
                     open_page(page).close()
+                if page != owner:
                     page.unlink()
             _remove_empty(states)
 

@@ -9,7 +9,7 @@ from typing import Final
 REPEAT_S: Final = 10.0  # an error of a step that repeats is reported again after this time
 PAUSE_S: Final = 0.01  # after an error: a step that fails at once must not use the whole processor
 
-Step = Callable[[], list[str]]  # returns a line per event, for the user
+Step = Callable[[], list[str] | None]  # returns a line per event, for the user
 
 
 class Attempts:
@@ -22,7 +22,7 @@ class Attempts:
     def __call__(self, name: str, step: Step) -> list[str]:
         """Return the lines of a step, or one with its error unless that was reported a moment ago."""
         try:
-            return step()
+            return step() or []
         except Exception as error:  # noqa: BLE001 - whatever fails here, all other steps must go on
             time.sleep(PAUSE_S)
             now_s = self._clock()

@@ -186,6 +186,8 @@ class ForkServer:
 
     def prepare_pilots(self, snapshot: Path, host: str, vehicles: Sequence[str]) -> None:
         """Let it build pilots, which takes time, before vehicles fly; may raise `OSError`."""
+        if not vehicles:
+            return
         self.ensure_running()
         self._wait_until_ready()
         pilots = (str(snapshot), host, *vehicles)

@@ -288,6 +288,10 @@ class Supervisor:
         """Names of the processes that run now."""
         return list(self._processes())
 
+    def roles(self) -> dict[int, str]:
+        """Roles of the processes that run now, by process id."""
+        return {process.pid: self.children[name].spec.role for name, process in self._processes().items()}
+
     def pid(self, name: str) -> int | None:
         """Process id; None while the process is down."""
         process = self.children[name].process

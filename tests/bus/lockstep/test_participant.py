@@ -16,7 +16,14 @@ from support.waiting import wait_for
 
 from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.lockstep.inbox import LockstepInbox
-from rcopterx.bus.lockstep.page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
+from rcopterx.bus.lockstep.page import (
+    FIRST_S,
+    LockstepPage,
+    LockstepTime,
+    create_page,
+    opened_page,
+    remove_page,
+)
 from rcopterx.bus.lockstep.participant import Participant, join_without_turns
 from rcopterx.bus.lockstep.scheduler import RETURN_S, STEP_S, Scheduler
 from rcopterx.bus.processes import SIMULATOR
@@ -135,7 +142,7 @@ def test_a_process_takes_no_turns_without_anything_to_do(page: LockstepPage) -> 
     conduct(page, lambda: not threads[0].is_alive())
     took = [page.participants[page.index_of(name)].finished for name in "ab"]
     assert took[0] > took[1] + 10
-    page.want_none()
+    LockstepTime(page.path).want_none()
     conduct(page, lambda: not threads[1].is_alive())
 
 
@@ -340,13 +347,13 @@ def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(
         )
         stopped_s = page.now()
         assert stopped_s <= participant.return_s + 0.021
-        assert page.lived_s("a") >= 1.0
-        assert page.lived_s("a") == 0.0
+        assert LockstepTime(page.path).lived_s("a") >= 1.0
+        assert LockstepTime(page.path).lived_s("a") == 0.0
         with subprocess.Popen(command) as second:
             wait_for(lambda: page.now() > stopped_s + 2 * RETURN_S, "time does not continue")
             second.kill()
             second.wait(20)
-            page.want_none()
+            LockstepTime(page.path).want_none()
             end.set()
             conducting.join(20)
             assert not conducting.is_alive()

@@ -13,8 +13,10 @@ from support.waiting import wait_for
 
 from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.hosts import capacity
-from rcopterx.deploy.hosts.capacity import CapacityMeasurement, may_be_crowded, vehicles_flown
+from rcopterx.deploy.hosts.capacity import CapacityMeasurement, HostCapacity, may_be_crowded, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.watchdog.processor_time import ThreadTime
 from rcopterx.fleet.reading import parse_fleet, write_snapshot
 from rcopterx_studies.benchmarks.processes import descendants
@@ -210,3 +212,14 @@ def test_a_measurement_that_is_closed_has_no_result_and_leaves_nothing(
     measurement.close()
     assert measurement.step(ready=True) is None
     wait_for(lambda: measuring() == 0, "the measuring process stays")
+
+
+def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "may_be_crowded", lambda agents: agents == 1)
+    specs = [ProcessSpec(name, name, "main") for name in ("router", "agent")]
+    supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
+    unused = CapacityMeasurement(tmp_path / "lab.toml", "h1", PERIOD_S, ForkServer(), dict)
+    assert HostCapacity(supervisor, lambda: unused).measuring
+    assert not HostCapacity(supervisor, None).measuring

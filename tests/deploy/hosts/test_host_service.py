@@ -1,11 +1,12 @@
-"""Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
+"""Promises of the launcher's host service: vehicles come and go by request, never out of the air."""
 
 import errno
 import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,8 @@ from rcopterx.bus.requests import (
     TakeVehicle,
 )
 from rcopterx.bus.session import BusAddress, NotServedError, Session
-from rcopterx.deploy.hosts.membership import MembershipService
+from rcopterx.deploy.hosts.capacity import HostCapacity
+from rcopterx.deploy.hosts.host_service import HostService
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
@@ -49,13 +51,21 @@ def supervisor(tmp_path: Path) -> Supervisor:
     return supervisor
 
 
+def serving(
+    address: BusAddress,
+    supervisor: Supervisor,
+    logs: Path,
+    home: Collection[str] = ("h1",),
+    begin: Callable[[], None] | None = None,
+    events: Collection[str] = (),
+) -> HostService:
+    address = replace(address, host="main")
+    return HostService(address, supervisor, HostCapacity(supervisor, None), deque(events), home, logs, begin)
+
+
 @pytest.fixture
-def membership(
-    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
-) -> Iterator[MembershipService]:
-    service = MembershipService(
-        bus_address, "main", supervisor, deque(["router: started"]), ["h1", "h2"], tmp_path
-    )
+def service(bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path) -> Iterator[HostService]:
+    service = serving(bus_address, supervisor, tmp_path, ["h1", "h2"], events=["router: started"])
     yield service
     service.close()
 
@@ -74,7 +84,7 @@ def status_of(session: Session, condition: Callable[[LauncherStatus], bool]) -> 
     return statuses[0]
 
 
-def test_the_launcher_says_who_takes_part(membership: MembershipService, join: Join) -> None:
+def test_the_launcher_says_who_takes_part(service: HostService, join: Join) -> None:
     status = status_of(join(), lambda _: True)
     assert (status.running, status.absent) == (("h1",), ("h2",))
     assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
@@ -84,55 +94,35 @@ def test_the_launcher_says_who_takes_part(membership: MembershipService, join: J
 
 
 def test_the_launcher_says_while_it_measures_what_the_host_flies(
-    membership: MembershipService, join: Join
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path, join: Join
 ) -> None:
-    session = join()
-    assert status_of(session, lambda _: True).control_every == 1
-    membership.measuring = True
-    assert status_of(session, lambda status: status.measuring).flies == ()
-    membership.measuring, membership.flies = False, (0, 1, 1, 2)
-    status = status_of(session, lambda status: not status.measuring)
-    assert (status.flies, status.control_every, status.crowded) == ((0, 1, 1, 2), 2, False)
-
-
-def test_late_commands_of_an_agent_of_this_host_are_noticed(
-    membership: MembershipService, join: Join
-) -> None:
-    session = join()
-
-    def noticed(late_share: float) -> bool:
-        session.publish(channels.AGENT_STATUS, "h1", flying_status(late_share=late_share))
-        return membership.agents_are_late
-
-    assert not membership.agents_are_late
-    wait_for(lambda: noticed(0.5), "late commands are not noticed")
-    wait_for(lambda: not noticed(0.1), "commands are in time again")
-
-
-def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_first_status_on(
-    bus_address: BusAddress,
-    supervisor: Supervisor,
-    join: Join,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("rcopterx.deploy.hosts.membership.may_be_crowded", lambda agents: agents == 1)
-    inbox = join().subscribe(channels.LAUNCHER, "main", depth=64)
-    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path)
+    session, capacity = join(), HostCapacity(supervisor, None)
+    address = replace(bus_address, host="main")
+    service = HostService(address, supervisor, capacity, deque(), ["h1"], tmp_path)
     try:
-        measuring: list[bool] = []
-        wait_for(
-            lambda: measuring.extend(status.message.measuring for status in inbox.drain()) or measuring,
-            "no status arrives",
-        )
-        assert measuring[0]
+        assert status_of(session, lambda _: True).control_every == 1
+        capacity.measuring = True
+        assert status_of(session, lambda status: status.measuring).flies == ()
+        capacity.measuring, capacity.flies = False, (0, 1, 1, 2)
+        status = status_of(session, lambda status: not status.measuring)
+        assert (status.flies, status.control_every, status.crowded) == ((0, 1, 1, 2), 2, False)
     finally:
         service.close()
 
 
-def test_the_launcher_says_what_hung(
-    membership: MembershipService, supervisor: Supervisor, join: Join
-) -> None:
+def test_late_commands_of_an_agent_of_this_host_are_noticed(service: HostService, join: Join) -> None:
+    session = join()
+
+    def noticed(late_share: float) -> bool:
+        session.publish(channels.AGENT_STATUS, "h1", flying_status(late_share=late_share))
+        return service.agents_are_late
+
+    assert not service.agents_are_late
+    wait_for(lambda: noticed(0.5), "late commands are not noticed")
+    wait_for(lambda: not noticed(0.1), "commands are in time again")
+
+
+def test_the_launcher_says_what_hung(service: HostService, supervisor: Supervisor, join: Join) -> None:
     supervisor.children["agent-h1"].hung = 2
     supervisor.spares_hung = 1
     assert status_of(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
@@ -141,13 +131,12 @@ def test_the_launcher_says_what_hung(
 def test_vehicles_land_when_the_loop_that_replaces_processes_makes_no_turns(
     bus_address: BusAddress, join: Join, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.deploy.hosts.membership.REPORT_PERIOD_S", 0.02)
-    monkeypatch.setattr("rcopterx.deploy.hosts.membership.LAND_AFTER_S", 0.3)
+    monkeypatch.setattr("rcopterx.deploy.hosts.host_service.REPORT_PERIOD_S", 0.02)
+    monkeypatch.setattr("rcopterx.deploy.hosts.host_service.LAND_AFTER_S", 0.3)
     specs = [Sleeping(name, role, name, 0) for name, role in (("radios", "transmitters"), ("h1", "agent"))]
     supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
     supervisor.start_all()
-    events: deque[str] = deque()
-    service = MembershipService(bus_address, "main", supervisor, events, ["h1"], tmp_path)
+    service = serving(bus_address, supervisor, tmp_path)
     try:
         session = join()
         assert status_of(session, lambda _: True).stalled_s == 0.0
@@ -171,13 +160,11 @@ def begun() -> list[str]:
 @pytest.fixture
 def daemon(
     bus_address: BusAddress, supervisor: Supervisor, begun: list[str], tmp_path: Path
-) -> Iterator[MembershipService]:
+) -> Iterator[HostService]:
     """The service of a host with a daemon, on which only the router runs at first."""
     for name, child in supervisor.children.items():
         child.wanted = name == "router"
-    service = MembershipService(
-        bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path, lambda: begun.append("flight")
-    )
+    service = serving(bus_address, supervisor, tmp_path, ["h1", "h2"], lambda: begun.append("flight"))
     yield service
     service.close()
 
@@ -187,7 +174,7 @@ def wanted(supervisor: Supervisor) -> set[str]:
 
 
 def test_a_host_is_started_and_stopped_by_request(
-    daemon: MembershipService, supervisor: Supervisor, begun: list[str], join: Join
+    daemon: HostService, supervisor: Supervisor, begun: list[str], join: Join
 ) -> None:
     session = join()
     reply = asked(session, "main", StartHost(without=("h2",)))
@@ -201,7 +188,7 @@ def test_a_host_is_started_and_stopped_by_request(
 
 
 def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
-    daemon: MembershipService, supervisor: Supervisor, join: Join
+    daemon: HostService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
     asked(session, "main", StartHost())
@@ -215,7 +202,7 @@ def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
 
 
 def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
-    membership: MembershipService, tmp_path: Path, join: Join
+    service: HostService, tmp_path: Path, join: Join
 ) -> None:
     (tmp_path / "agent-h1.log").write_text("2026-11-22T03:00:01.000Z INFO started\n")
     session = join()
@@ -227,7 +214,7 @@ def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
     wait_for(lambda: len(answered.drain()) == 1, "the later request is not recorded, or the first one is")
 
 
-def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
+def test_a_host_without_a_daemon_is_not_started_by_request(service: HostService, join: Join) -> None:
     with pytest.raises(NotServedError):
         join().request("main", StartHost(), timeout_s=DEADLINE_S)
 
@@ -241,7 +228,7 @@ def test_a_host_on_a_full_disk_refuses_to_start_and_answers_later_requests(
         if full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "flight")
 
-    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"], tmp_path, begin)
+    service = serving(bus_address, supervisor, tmp_path, begin=begin)
     try:
         session = join()
         reply = asked(session, "main", StartHost())
@@ -254,7 +241,7 @@ def test_a_host_on_a_full_disk_refuses_to_start_and_answers_later_requests(
         service.close()
 
 
-@pytest.mark.usefixtures("membership")
+@pytest.mark.usefixtures("service")
 def test_a_disk_that_hangs_while_logs_are_read_delays_no_other_request(
     join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,7 +251,7 @@ def test_a_disk_that_hangs_while_logs_are_read_delays_no_other_request(
         mended.wait(DEADLINE_S)
         return ReadLogsReply(accepted=True)
 
-    monkeypatch.setattr("rcopterx.deploy.hosts.membership.read_page", hang)
+    monkeypatch.setattr("rcopterx.deploy.hosts.host_service.read_page", hang)
     session, other = join(), join()
     reading = threading.Thread(target=asked, args=(other, "main", ReadLogs()))
     reading.start()
@@ -275,7 +262,7 @@ def test_a_disk_that_hangs_while_logs_are_read_delays_no_other_request(
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(
-    membership: MembershipService, supervisor: Supervisor, join: Join
+    service: HostService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
     reply = asked(session, "main", StartVehicle(vehicle="h2"))
@@ -290,7 +277,7 @@ def test_a_vehicle_takes_part_and_leaves_by_request(
 
 
 def test_a_vehicle_in_the_air_keeps_its_agent(
-    membership: MembershipService, supervisor: Supervisor, join: Join
+    service: HostService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
 
@@ -305,24 +292,20 @@ def test_a_vehicle_in_the_air_keeps_its_agent(
 
 
 @pytest.fixture
-def spare_host(
-    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
-) -> Iterator[MembershipService]:
+def spare_host(bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path) -> Iterator[HostService]:
     """The service of a host that may run the agent of h2, which runs elsewhere by the fleet file."""
-    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"], tmp_path)
+    service = serving(bus_address, supervisor, tmp_path)
     yield service
     service.close()
 
 
-def test_an_agent_that_may_run_here_but_does_not_is_not_absent(
-    spare_host: MembershipService, join: Join
-) -> None:
+def test_an_agent_that_may_run_here_but_does_not_is_not_absent(spare_host: HostService, join: Join) -> None:
     status = status_of(join(), lambda _: True)
     assert (status.running, status.absent) == (("h1",), ())
 
 
 def test_an_agent_is_taken_over_by_request_and_only_where_the_fleet_file_lets_it_run(
-    spare_host: MembershipService, supervisor: Supervisor, join: Join
+    spare_host: HostService, supervisor: Supervisor, join: Join
 ) -> None:
     session, child = join(), supervisor.children["agent-h2"]
     reply = asked(session, "main", TakeVehicle(vehicle="h2"))
@@ -336,7 +319,7 @@ def test_an_agent_is_taken_over_by_request_and_only_where_the_fleet_file_lets_it
 
 
 def test_an_agent_that_does_not_fly_its_vehicle_may_be_stopped_in_flight(
-    spare_host: MembershipService, supervisor: Supervisor, join: Join
+    spare_host: HostService, supervisor: Supervisor, join: Join
 ) -> None:
     session, child = join(), supervisor.children["agent-h2"]
 

@@ -11,12 +11,13 @@ from typing import Final
 from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.lockstep.fleet_time import time_of
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
-from rcopterx.bus.processes import AGENT, MEMBERSHIP, ROUTER
+from rcopterx.bus.processes import AGENT, HOST_SERVICE, ROUTER
 from rcopterx.bus.requests import ReadLogs, Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
 from rcopterx.bus.session import BusAddress, Incoming
-from rcopterx.deploy.hosts.capacity import may_be_crowded
+from rcopterx.deploy.hosts.capacity import HostCapacity
 from rcopterx.deploy.hosts.serving import Service
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.log_reading import read_page
@@ -28,14 +29,14 @@ MAX_TEXT = 400
 LAND_AFTER_S: Final = 10.0  # vehicles land if the launcher is so late: no process is replaced then
 
 
-class MembershipService(Service):
+class HostService(Service):
     """Answers the requests to a launcher, except `recall`, in a thread of its own."""
 
     def __init__(
         self,
         address: BusAddress,
-        host: str,
         supervisor: Supervisor,
+        capacity: HostCapacity,
         events: deque[str],  # events to publish; they are removed
         home: Collection[str],  # vehicles whose agents run on this host from the start
         logs: Path,  # directory of the logs of the processes
@@ -43,28 +44,22 @@ class MembershipService(Service):
         # which does not serve `start_host` and `stop_host`.
         begin: Callable[[], None] | None = None,
     ) -> None:
-        super().__init__(address, MEMBERSHIP)
-        self._events = events
-        self._logs = logs
+        super().__init__(address, HOST_SERVICE)
+        self._host, self._time = address.host, time_of(address.clock)
+        self._capacity, self._events, self._logs = capacity, events, logs
         self._home = frozenset(home)
         self.started = begin is None  # whether the processes of the host run, and not only its daemon
-        self.flies: tuple[int, ...] = ()  # vehicles that the host can fly at every control rate, if known
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
-        crowded = may_be_crowded(sum(child.wanted for child in agents))
-        self.measuring = crowded and not address.clock.lockstep
-        """Whether `flies` is being measured and may be less than what runs here; published from the first
-        status on, so that no vehicle takes off before."""
         self._begin = begin
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
-        self._host = host
         self._turns, self._stalled_s = 0, 0.0
         self._attempt = Attempts(self._session.clock)
         self._report_at_s = self._reported_s = 0.0  # the latter in real time
         self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self._session.serve(host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
+        self._session.serve(self._host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
         if begin is not None:
-            self._session.serve(host, ["start_host", "stop_host"])
+            self._session.serve(self._host, ["start_host", "stop_host"])
         self.start()
 
     def _due_s(self) -> float:
@@ -73,7 +68,7 @@ class MembershipService(Service):
     def _step(self) -> None:
         now_s = self._session.clock()
         for incoming in self._session.pending():
-            if isinstance(incoming.request, ReadLogs) and not self._session.address.clock.lockstep:
+            if isinstance(incoming.request, ReadLogs) and not self._time.waits:
                 # A disk may block that.
                 Thread(target=self._reply, args=[incoming], name="logs", daemon=True).start()
             else:
@@ -89,11 +84,10 @@ class MembershipService(Service):
     def _reply(self, incoming: Incoming) -> None:
         incoming.answer(self._answer_or_error(incoming.request))
 
-    def _report(self, elapsed_s: float) -> list[str]:
+    def _report(self, elapsed_s: float) -> None:
         self._check_supervisor(elapsed_s)
         self._publish_events()
         self._session.publish(channels.LAUNCHER, self._host, self._status())
-        return []
 
     def _check_supervisor(self, elapsed_s: float) -> None:
         """Land the vehicles when the loop that replaces processes makes no turns."""
@@ -171,9 +165,8 @@ class MembershipService(Service):
         return Reply(accepted=True, reason=f"the agent of {vehicle} starts on {self._host}")
 
     def _want(self, child: Child, wanted: bool) -> None:
-        """Start or stop a process; in lockstep at the present time."""
         child.wanted = wanted
-        self._session.want(child.spec.name, wanted)
+        self._time.want(child.spec.name, wanted)
 
     @property
     def agents_are_late(self) -> bool:
@@ -208,8 +201,8 @@ class MembershipService(Service):
             longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
             forgiven=dict(supervisor.watchdog.forgiven),
             stalled_s=self._stalled_s,
-            flies=self.flies,
-            measuring=self.measuring,
+            flies=self._capacity.flies,
+            measuring=self._capacity.measuring,
         )
 
     def close(self) -> None:

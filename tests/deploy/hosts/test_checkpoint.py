@@ -1,4 +1,4 @@
-"""Promises of the launcher's recall: an agent that restarts learns what its predecessor meant to do."""
+"""Promises of the launcher's checkpoint: an agent that restarts learns what its predecessor meant to do."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +12,8 @@ from rcopterx.bus.intent import Intent
 from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.hosts.recall import RecallService
+from rcopterx.deploy.hosts.checkpoint import CheckpointService
+from rcopterx.deploy.hosts.guarding import Guard
 
 INTENT = Intent(
     phase="flying",
@@ -28,7 +29,9 @@ INTENT = Intent(
 def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="main"), ["h1", "h2"], {"h1": 2, "h2": 0}.__getitem__)
+    service = CheckpointService(
+        replace(bus_address, host="main"), ["h1", "h2"], {"h1": 2, "h2": 0}.__getitem__, Guard("main", {})
+    )
     agent = join()
 
     def recalled() -> RecallReply:
@@ -75,7 +78,9 @@ APPLIED = Applied(
 def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="spare"), ["h1"], guarded=["h1"])
+    service = CheckpointService(
+        replace(bus_address, host="spare"), ["h1"], lambda _: 0, Guard("spare", {"h1": 0})
+    )
     other = join()
     launcher = LauncherStatus(running=("h1",), absent=())
 
@@ -98,7 +103,9 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
 def test_frames_of_guarded_vehicles_are_received_and_of_others_not(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], guarded=["h1"])
+    service = CheckpointService(
+        replace(bus_address, host="spare"), ["h1", "h2"], lambda _: 0, Guard("spare", {"h1": 0})
+    )
     gateway = join()
 
     def received() -> bool:
