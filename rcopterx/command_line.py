@@ -1,38 +1,81 @@
 """All commands of `rcopterx`; the fast path of `kill` is in `rcopterx.cli`."""
 
-from collections.abc import Callable
-from typing import Annotated, Any
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 from typer.core import TyperGroup
 
-from rcopterx.commands import (
-    flights,
-    fly,
-    ground,
-    hosts,
-    identify,
-    laboratory,
-    launch,
-    new_lab,
-    new_plugin,
-    next_steps,
-    radio,
-    roles,
-    steer,
-    trajectory,
-    vehicles,
-    watch,
-)
 from rcopterx.commands.extensions import STUDIES, added_command, added_commands
 from rcopterx.commands.fleet_option import user_errors
+
+COMMANDS: Final = {
+    "Fly": ("launch.up", "launch.host", "launch.demo", "fly.fly"),
+    "Watch a running fleet": ("watch.status", "watch.check", "watch.logs", "watch.top", "ground.ground"),
+    "Steer a running fleet": (
+        "steer.arm", "steer.takeoff", "steer.goto", "steer.follow", "steer.lead", "steer.swap",
+        "steer.promote", "trajectory.trajectory", "steer.tune", "steer.join", "steer.leave", "steer.move",
+        "steer.land", "steer.disarm", "steer.kill", "steer.reset",
+    ),
+    "Flight logs": (
+        "flights.flights", "flights.replay", "flights.report", "flights.export", "flights.recover",
+    ),
+    "Prepare a laboratory": ("new_lab.new_lab", "new_lab.import_"),
+    "Prepare hosts": ("hosts.deploy", "hosts.certs", "hosts.doctor"),
+    "Prepare vehicles": ("vehicles.types", "identify.identify", "vehicles.margins"),
+    "Prepare radios": ("radio.bind", "radio.range_check", "radio.calibrate", "radio.udev_rules"),
+    "Try out faults": ("laboratory.inject", "laboratory.replay_tracker"),
+    "Extend": ("new_plugin.new_plugin",),
+    "Run one process": (
+        "roles.router", "roles.recorder", "roles.simulator", "roles.tracker", "roles.transmitters",
+        "roles.agent",
+    ),
+}  # fmt: skip
+"""Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""
+WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
+
+
+class Place(NamedTuple):
+    """Where a command is defined."""
+
+    panel: str
+    module: str
+    name: str
+
+
+PLACES: Final = {
+    place.name.strip("_").replace("_", "-"): place
+    for panel, functions in COMMANDS.items()
+    for place in (Place(panel, *function.split(".")) for function in functions)
+}
+"""Every command by the name that is typed."""
+
+
+class _Imported(UserDict[str, Any]):
+    """Commands by name, which are imported when they or their help are wanted."""
+
+    def __getitem__(self, name: str) -> Any:
+        panel, module, function = self.data[name]
+        command = getattr(import_module(f"rcopterx.commands.{module}"), function)
+        if not isinstance(command, typer.Typer):
+            single = typer.Typer(add_completion=False)
+            single.command(context_settings={"ignore_unknown_options": name in WITH_COORDINATES})(command)
+            command = single
+        found: Any = typer.main.get_command(command)
+        found.name, found.rich_help_panel = name, panel
+        return found
 
 
 class Commands(TyperGroup):
     """All commands; errors that users can correct end them with a line instead of a traceback.
 
-    Commands of other packages are imported when they or their help are wanted.
+    A command is imported when it or its help is wanted.
     """
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Imported(PLACES)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """See `Group.list_commands`."""
@@ -60,28 +103,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Fly": (launch.up, launch.host, launch.demo, fly.fly),
-    "Watch a running fleet": (watch.status, watch.check, watch.logs, watch.top, ground.ground),
-    "Steer a running fleet": (
-        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
-        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.move, steer.land, steer.disarm,
-        steer.kill, steer.reset,
-    ),
-    "Flight logs": (
-        flights.flights, flights.replay, flights.report, flights.export, flights.recover,
-    ),
-    "Prepare a laboratory": (new_lab.new_lab,),
-    "Prepare hosts": (hosts.deploy, hosts.certs, hosts.doctor),
-    "Prepare vehicles": (vehicles.types, identify.identify, vehicles.margins),
-    "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
-    "Try out faults": (laboratory.inject, laboratory.replay_tracker),
-    "Extend": (new_plugin.new_plugin,),
-    "Run one process": (
-        roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,
-    ),
-}  # fmt: skip
-
 
 def _show_version(wanted: bool) -> None:
     if not wanted:
@@ -103,12 +124,6 @@ def _common(
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:
-        next_steps.show_next_steps()
+        from rcopterx.commands.next_steps import show_next_steps
 
-
-WITH_COORDINATES = (steer.goto,)  # commands that do not check for unknown options, so that -0.5 is a number
-for panel, commands in COMMANDS.items():
-    for command in commands:
-        settings = {"ignore_unknown_options": command in WITH_COORDINATES}
-        app.command(rich_help_panel=panel, context_settings=settings)(command)
-app.add_typer(new_lab.app, name="import", rich_help_panel="Prepare a laboratory")
+        show_next_steps()

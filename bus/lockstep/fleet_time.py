@@ -1,8 +1,12 @@
 """What launchers do for the time of a fleet; only in lockstep there is anything to do."""
 
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 from rcopterx.bus.clock import Clock
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.page import LockstepTime
 
 
 class FleetTime:
@@ -30,7 +34,7 @@ class FleetTime:
         """End; the processes have ended."""
 
 
-def time_of(clock: Clock) -> FleetTime:
+def time_of(clock: Clock) -> "FleetTime | LockstepTime":
     """Return the time of a fleet with this clock."""
     if clock.page is None:
         return FleetTime()

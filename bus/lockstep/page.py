@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.lockstep.fleet_time import FleetTime
-
 FIRST_S: Final = 1000.0  # time of a fleet at its start
 PROCESSES: Final = 512
 COUNTERS: Final = 16_384
@@ -142,8 +140,8 @@ def remove_page(path: Path) -> None:
         found.unlink()
 
 
-class LockstepTime(FleetTime):
-    """The time on a page, which exists from `begin` to `end`."""
+class LockstepTime:
+    """A `fleet_time.FleetTime` on a page, which exists from `begin` to `end`."""
 
     waits = True
 

@@ -22,7 +22,8 @@ PARTS: Final = {
     "agent": "role('agent').pilot_of(fleet, 'h2')",
     "launcher": "import_module('rcopterx.deploy.hosts.launcher')",
     "scripting": "getattr(import_module('rcopterx'), 'Fleet')",
-    "command line": "app = import_module('rcopterx.command_line')",
+    "command line": "commands = import_module('rcopterx.command_line').app; "
+    "[import_module(f'rcopterx.commands.{name}') for name in ('launch', 'watch', 'steer', 'trajectory')]",
 }
 """Statements after which a process has imported what it needs in flight."""
 PREPARATION: Final = """

@@ -29,7 +29,9 @@ UpperCorner = Annotated[
     str, typer.Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
 ]
 
-app = typer.Typer(help="Write a fleet file from files of other software.", no_args_is_help=True)
+import_ = typer.Typer(
+    add_completion=False, help="Write a fleet file from files of other software.", no_args_is_help=True
+)
 
 
 def new_lab(
@@ -139,7 +141,7 @@ def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
     return answer
 
 
-@app.command()
+@import_.command()
 def crazyswarm2(
     source: Annotated[
         Path, typer.Argument(metavar="CRAZYFLIES", exists=True, dir_okay=False, help="File crazyflies.yaml.")
@@ -170,7 +172,7 @@ def crazyswarm2(
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 
-@app.command()
+@import_.command()
 def skybrush(
     show: Annotated[
         Path,

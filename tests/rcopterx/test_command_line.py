@@ -16,14 +16,14 @@ from support.waiting import wait_for
 from typer.testing import CliRunner
 
 from rcopterx.bus.requests import Fly, Follow, GoTo, TakeOff
-from rcopterx.command_line import COMMANDS, app
+from rcopterx.command_line import PLACES, app
 from rcopterx.commands.fleet_option import chosen_host
 from rcopterx.fleet.reading import fleet_path, load_fleet, shipped_fleets
 from rcopterx.fleet.schema import FleetError
 from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]
+NAMES = list(PLACES)
 UNITS = {
     "goto": ("metres", "degrees"),
     "follow": ("metres", "degrees"),
@@ -61,8 +61,8 @@ def test_the_help_names_all_commands() -> None:
 
 
 FLEETLESS = (
-    "arena", "experiment", "export", "flights", "new-plugin", "recover", "replay", "replay-tracker", "report",
-    "types", "udev-rules",
+    "arena", "experiment", "export", "flights", "import", "new-plugin", "recover", "replay", "replay-tracker",
+    "report", "types", "udev-rules",
 )  # fmt: skip
 
 
