@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
+
+from msgspec import structs
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG, BatteryLog
@@ -130,7 +132,7 @@ class CrazyflieProtocol(SetPointRadio):
         """See `SetPointRadio`; vehicles that arm themselves report no arming."""
         state = self._state
         armed = None if state is None or state.arms_itself else state.armed
-        return replace(super().status(now_s), armed=armed)
+        return structs.replace(super().status(now_s), armed=armed)
 
     def _problem(self, now_s: float) -> str | None:
         state = self._state

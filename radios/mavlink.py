@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from msgspec import structs
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
@@ -226,7 +227,7 @@ class MavlinkProtocol(SetPointRadio):
 
     def status(self, now_s: float) -> ModuleStatus:
         """See `SetPointRadio`; armed as the autopilot reports it."""
-        return replace(super().status(now_s), armed=self._state.armed)
+        return structs.replace(super().status(now_s), armed=self._state.armed)
 
 
 def packed(mav: mavlink.MAVLink, message: Any) -> bytes:

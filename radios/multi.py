@@ -197,6 +197,7 @@ class MultiProtocol(OneWayRadio):
     def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
         self.settings = settings or MultiSettings()
         self._radio = RADIOS[self.settings.radio]
+        self._taer = self._radio.taer
         self.line = line
         self.channel_count = CHANNEL_COUNT
         self.pulse_range_us = (1000.0, 2000.0)
@@ -214,26 +215,26 @@ class MultiProtocol(OneWayRadio):
     @property
     def channels_on_air(self) -> int:
         """See `RadioProtocol`; frames always have 16."""
-        return self.settings.channels if self._radio.taer else self._radio.channels
+        return self.settings.channels if self._taer else self._radio.channels
 
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
         pulses = super().check(pulses_us)
-        if self._radio.taer and len(pulses_us) <= KILL_CHANNEL:
+        if self._taer and len(pulses_us) <= KILL_CHANNEL:
             pulses[KILL_CHANNEL] = CENTER_US
         return pulses
 
     def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
         """Build a frame; with DSM channel 14 is -100 % for kill only."""
         counts = [count_of(pulse_us) for pulse_us in pulses_us]
-        if not self._radio.taer:
+        if not self._taer:
             counts[:3] = counts[1], counts[2], counts[0]
         elif flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT
         return MultiFrame(
             counts=tuple(counts),
             protocol=self._radio.number,
-            mapping_off=self._radio.taer,
+            mapping_off=self._taer,
             sub_protocol=self.settings.sub_protocol,
             rx_num=self.settings.rx_num,
             option=self.settings.option_byte,

@@ -87,8 +87,7 @@ class DecodedFrame:
     flags: FrameFlags = NO_FLAGS
 
 
-@dataclass(frozen=True, slots=True)
-class ModuleStatus:
+class ModuleStatus(Struct, frozen=True):
     """State of the radio module: readiness, binding, one line for people, arming."""
 
     ready: bool

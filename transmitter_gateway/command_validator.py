@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from numbers import Real
 
@@ -44,8 +43,7 @@ class AcceptedCommand(Struct, frozen=True):
     period_s: float
 
 
-@dataclass(slots=True)
-class Stream:
+class Stream(Struct):
     """The newest valid command, when it arrived, and since when the commanded thrust is low."""
 
     command: AcceptedCommand
@@ -108,7 +106,8 @@ class CommandValidator:
         if set(map(type, numbers)) != {int} or min(numbers) < 0 or max(numbers) > MAX_COUNT:
             return Rejection.MALFORMED
         period = command.period_s
-        if isinstance(period, bool) or not isinstance(period, Real):
+        # Nearly all are floats, and checking for the abstract type takes long.
+        if type(period) is not float and (isinstance(period, bool) or not isinstance(period, Real)):
             return Rejection.MALFORMED
         if not SHORTEST_PERIOD_S <= period <= LONGEST_PERIOD_S:
             return Rejection.NOT_FINITE if not math.isfinite(period) else Rejection.OUT_OF_LIMITS
@@ -137,7 +136,6 @@ class CommandValidator:
         rejection: Rejection | None = None
         clamped: list[float] = []
         for value, (lowest, lower, upper, highest) in zip(numbers, self._bounds, strict=True):
-            # Nearly all are floats within their limits, and asking for the abstract type takes long.
             if type(value) is float and lower <= value <= upper:
                 clamped.append(value)
             elif isinstance(value, bool) or not isinstance(value, Real):

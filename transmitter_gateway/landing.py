@@ -68,7 +68,7 @@ class LandingLaw:
         self._climb_integral_m_s2 = 0.0
         self._slowest_m_s = math.inf
         self._astray_s = 0.0
-        self._faster = False
+        self._used = self._faster = False
         self._effects = (StickEffect(), StickEffect())
 
     def release(self) -> None:
@@ -83,9 +83,10 @@ class LandingLaw:
 
     def renew(self) -> None:
         """Reset: the vehicle was flown by commands, or has not flown."""
-        self.release()
-        self._faster = False
-        self._effects = (StickEffect(), StickEffect())
+        if self._used:
+            self.release()
+            self._used = self._faster = False
+            self._effects = (StickEffect(), StickEffect())
 
     @property
     def obeyed(self) -> bool:
@@ -99,6 +100,7 @@ class LandingLaw:
 
     def step(self, motion: Motion, climb_m_s: float, hover_thrust: float, elapsed_s: float) -> Input:
         """Pitch, roll, thrust and yaw that hold the place at a climb rate, negative to descend."""
+        self._used = True
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
         if motion.clear_place_m is not None:

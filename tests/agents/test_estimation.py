@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.failing import BrokenError
 from support.flight import ExactEstimator, still
+from support.records import replace
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import FIRST_CALLS, EstimatorGuard
@@ -100,7 +101,7 @@ class Diverging(ExactEstimator):
 
     @property
     def estimate(self) -> Estimate:
-        return super().estimate._replace(**self._change)
+        return replace(super().estimate, **self._change)
 
 
 @pytest.mark.parametrize(

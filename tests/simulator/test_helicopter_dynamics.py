@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from support.records import replace as changed
 
 from rcopterx.simulator.helicopter_dynamics import (
     Controls,
@@ -147,7 +148,7 @@ def test_airspeed_tilts_the_vehicle_against_it(yaw_rad: float) -> None:
         return np.array((c * rate.q + s * rate.p, s * rate.q - c * rate.p))
 
     still = tilting(state, CALM)
-    flying = tilting(state._replace(vx=0.4, vy=-0.2), CALM) - still
+    flying = tilting(changed(state, vx=0.4, vy=-0.2), CALM) - still
     assert flying == pytest.approx([-0.4 * vehicle.flapping_rad_s_m, 0.2 * vehicle.flapping_rad_s_m])
     drag = sum(vehicle.drag_per_s) / 2
     gust = tilting(state, (0.4 * drag, -0.2 * drag, 0.0, 0.0, 0.0, 0.0)) - still
@@ -173,7 +174,7 @@ def test_yaw_gyro_holds_the_rate_that_the_stick_asks_for() -> None:
 @pytest.mark.parametrize(("hold_per_s", "turned_rad"), [(0.0, 0.2), (2.0, 0.0)])
 def test_heading_hold_turns_the_vehicle_back_after_a_push(hold_per_s: float, turned_rad: float) -> None:
     vehicle = replace(HelicopterParameters.nominal(), yaw_hold_per_s=hold_per_s)
-    state = flown(vehicle, hovering(vehicle)._replace(r=1.0), 5.0)
+    state = flown(vehicle, changed(hovering(vehicle), r=1.0), 5.0)
     assert 2 * math.atan2(state.qz, state.qw) == pytest.approx(turned_rad, abs=0.01)
 
 
@@ -213,7 +214,7 @@ def test_body_without_rotors_and_air_keeps_its_energy_and_angular_momentum(
     rest = level_state(HIGH, 0.4, (0.0, 0.0))
     vx, vy, vz = velocity
     p, q, r = rates
-    start = rest._replace(vx=vx, vy=vy, vz=vz, p=p, q=q, r=r)
+    start = changed(rest, vx=vx, vy=vy, vz=vz, p=p, q=q, r=r)
     end = flown(vehicle, start, 0.5, throttle=None)
     energy, momentum = conserved(start)
     energy_later, momentum_later = conserved(end)
@@ -238,8 +239,11 @@ def test_flight_does_not_depend_on_the_heading(yaw: float, pitch: float, roll: f
 @settings(max_examples=10, deadline=None)
 def test_angle_of_the_bar_to_the_mast_decays_along_the_great_circle(angle: float, size: float) -> None:
     vehicle = HelicopterParameters.nominal(size)
-    state = level_state(HIGH, 0.0, (0.0, 0.0))._replace(
-        bar_x=0.6 * math.sin(angle), bar_y=0.8 * math.sin(angle), bar_z=math.cos(angle)
+    state = changed(
+        level_state(HIGH, 0.0, (0.0, 0.0)),
+        bar_x=0.6 * math.sin(angle),
+        bar_y=0.8 * math.sin(angle),
+        bar_z=math.cos(angle),
     )
     still = replace(vehicle, spring_n_m=Rotors(1e-12, vehicle.spring_n_m.lower))
     state = flown(still, state, 0.5, throttle=None)

@@ -2,6 +2,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+from support.records import replace
 
 from rcopterx.simulator.tracker_frame import FrameContent, TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.objects import (
@@ -31,7 +32,7 @@ BODIES = st.builds(
 def test_objects_of_a_frame_are_those_of_the_protocol(
     bodies: list[TrackedBody], y_up: bool, allowed: frozenset[int] | None
 ) -> None:
-    named = tuple(body._replace(name=f"heli{number}") for number, body in enumerate(bodies, 1))
+    named = tuple(replace(body, name=f"heli{number}") for number, body in enumerate(bodies, 1))
     ids = {body.name: number for number, body in enumerate(named, 1)}
     samples = (("System", 0.25),)
     content = FrameContent(TrackerFrame(7, named, samples), 50.0, ids, y_up)

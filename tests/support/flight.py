@@ -12,6 +12,7 @@ from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
+from support.records import replace
 from support.vehicle_types import COAXIAL_LAG
 
 REST = np.zeros(4)
@@ -70,7 +71,7 @@ class Plant:
             # The floor stops it and holds it.
             place = self.state.motion[:4].copy()
             place[2] = self._floor_m
-            moved = moved._replace(motion=np.concatenate((place, REST)))
+            moved = replace(moved, motion=np.concatenate((place, REST)))
         self.state = moved
 
 

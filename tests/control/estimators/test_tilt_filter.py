@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.demand import demand_matrix
+from support.records import replace
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
@@ -123,7 +124,7 @@ def test_an_estimate_of_a_helicopter_stays_what_it_was() -> None:
         lambda: estimator.predict(COAXIAL.hover_input, PERIOD_S),
         lambda: estimator.predict(COAXIAL.hover_input + np.array([0.2, 0.0, 0.0, 0.0]), PERIOD_S),
         lambda: estimator.correct(Measurement(np.array([0.002, 0.0, 1.0]), 0.0, np.array([0.05, 0.0]))),
-        lambda: estimator.take_over(estimator.estimate._replace(motion=np.full(8, 0.1))),
+        lambda: estimator.take_over(replace(estimator.estimate, motion=np.full(8, 0.1))),
         lambda: estimator.reset(Measurement(np.array([0.3, 0.0, 1.0]), 0.0, np.array([0.1, 0.0]))),
     ]
     for change in changes:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.records import replace as changed
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.controllers.cascade.axis import AxisProblem
@@ -130,7 +131,7 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
     weights = weights_of((100.0, 100.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), (10.0, 10.0, 1.0, 1.0))
     formulation = LateralTilt(EVEN, PERIOD_S, weights, 20, True)
     task = resting(EVEN)
-    task = task._replace(estimate=with_tilt(EVEN, task.estimate, np.zeros(4), True))
+    task = changed(task, estimate=with_tilt(EVEN, task.estimate, np.zeros(4), True))
     gain = feedback_of(formulation.along(np.zeros(22), task))
     loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
     known = gain.shape[1] // 2

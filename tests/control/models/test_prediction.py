@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 from support.equation_one import input_behind_gyro, motion_derivative
+from support.records import replace as changed
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.interfaces import NO_TILT, Estimate
@@ -74,7 +75,7 @@ def test_prediction_is_the_same_in_every_heading(
     turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
     offset = np.zeros(8)
     offset[3] = turn_rad
-    turned = estimate._replace(motion=turn @ estimate.motion + offset)
+    turned = changed(estimate, motion=turn @ estimate.motion + offset)
     predicted = predict(COAXIAL_LAG, estimate, applied_input, 0.02).motion
     assert np.allclose(predict(COAXIAL_LAG, turned, applied_input, 0.02).motion, turn @ predicted + offset)
 

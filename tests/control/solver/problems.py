@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
+from support.records import replace
 
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem
 from rcopterx.vehicles.state import Array
@@ -47,7 +48,7 @@ def random_problem(stages: int, seed: int, stick: float = 0.5) -> OptimalControl
 
 def one_stage_on(p: OptimalControlProblem, u: Array) -> OptimalControlProblem:
     """The same problem one period later, after an input."""
-    return p._replace(x_0=p.A[0] @ p.x_0 + p.B[0] @ u + p.c[0])
+    return replace(p, x_0=p.A[0] @ p.x_0 + p.B[0] @ u + p.c[0])
 
 
 def any_problem(seed: int) -> OptimalControlProblem:

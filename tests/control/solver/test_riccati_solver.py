@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from problems import any_problem, one_stage_on, random_problem
+from support.records import replace
 
 from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
@@ -63,7 +64,7 @@ def test_a_warm_start_takes_fewer_sweeps_and_gives_the_plan_of_a_cold_one() -> N
 def test_the_factor_of_another_cost_is_not_used() -> None:
     p, solver = random_problem(20, 3, stick=100.0), RiccatiSolver()
     solver.solve(p)
-    heavier = p._replace(W=10.0 * p.W)
+    heavier = replace(p, W=10.0 * p.W)
     assert solver.solve(heavier).u == pytest.approx(RiccatiSolver().solve(heavier).u, abs=1e-9)
 
 
@@ -130,7 +131,7 @@ def test_the_unit_of_the_cost_does_not_matter(unit: float) -> None:
     for seed in range(20):
         p = random_problem(30, seed)
         plan = RiccatiSolver().solve(p)
-        other = RiccatiSolver().solve(p._replace(W=unit * p.W, s=unit * p.s, P=unit * p.P))
+        other = RiccatiSolver().solve(replace(p, W=unit * p.W, s=unit * p.s, P=unit * p.P))
         assert other.optimal
         assert other.u == pytest.approx(plan.u, abs=1e-6)
         assert other.dual_residual == pytest.approx(plan.dual_residual, abs=1e-3)
@@ -140,7 +141,7 @@ def test_a_hard_problem_does_not_spoil_an_easy_one_that_follows_it() -> None:
     """Whatever the last problem left behind, the plan is as good as that of a cold start."""
     for seed in range(120):
         hard, easy = random_problem(30, seed, stick=0.05), random_problem(30, seed + 1000)
-        hard = hard._replace(x_0=20.0 * hard.x_0)
+        hard = replace(hard, x_0=20.0 * hard.x_0)
         solver = RiccatiSolver()
         solver.solve(hard)
         warm, cold = solver.solve(easy), RiccatiSolver().solve(easy)
@@ -154,7 +155,7 @@ def test_a_plan_of_numbers_that_are_not_finite_is_not_optimal(field: str, value:
     p = random_problem(20, 2)
     values = getattr(p, field).copy()
     values.ravel()[-1 if field == "low" else 0] = value
-    assert not RiccatiSolver().solve(p._replace(**{field: values})).optimal
+    assert not RiccatiSolver().solve(replace(p, **{field: values})).optimal
 
 
 @pytest.mark.parametrize("end", [0.0, -1e3])
@@ -162,7 +163,7 @@ def test_a_plan_without_a_least_cost_is_not_optimal(end: float) -> None:
     p = random_problem(20, 2)
     W = p.W.copy()
     W[:, 4:] = 0.0
-    assert not RiccatiSolver().solve(p._replace(W=0.0 * W, P=end * np.eye(10))).optimal
+    assert not RiccatiSolver().solve(replace(p, W=0.0 * W, P=end * np.eye(10))).optimal
 
 
 @pytest.mark.parametrize("row", [0, 4])
@@ -170,12 +171,12 @@ def test_a_plan_with_a_lower_bound_above_the_upper_one_is_not_optimal(row: int) 
     p = random_problem(20, 2)
     low = p.low.copy()
     low[3, row] = p.high[3, row] + 0.2
-    assert not RiccatiSolver().solve(p._replace(low=low)).optimal
+    assert not RiccatiSolver().solve(replace(p, low=low)).optimal
 
 
 @given(seeds, st.floats(1.0, 30.0))
 def test_sticks_keep_their_bounds_however_much_a_state_exceeds_its_own(seed: int, far: float) -> None:
     p = random_problem(30, seed, stick=0.3)
-    p = p._replace(x_0=far * p.x_0, s=np.where(np.isinf(p.s), p.s, 1e8 * (p.s > 0.0)))
+    p = replace(p, x_0=far * p.x_0, s=np.where(np.isinf(p.s), p.s, 1e8 * (p.s > 0.0)))
     plan = RiccatiSolver().solve(p)
     assert (np.abs(plan.y[p.s == HARD]) <= 0.3 + 1e-9).all()

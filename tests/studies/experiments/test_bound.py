@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.records import replace as changed
 from support.vehicle_types import COAXIAL
 from typer.testing import CliRunner
 
@@ -104,7 +105,7 @@ def test_a_follower_errs_more_than_a_vehicle_alone_unless_its_leader_rests() -> 
     alone = hovering(NOMINAL, GUSTS)
     bound = best(alone, 0.15)
     nothing = np.zeros_like(alone.news)
-    resting = alone._replace(news=nothing, unknown=nothing)
+    resting = changed(alone, news=nothing, unknown=nothing)
     assert best(following(alone, resting, bound.feedback), 0.15).error_m == pytest.approx(
         bound.error_m, rel=1e-3
     )

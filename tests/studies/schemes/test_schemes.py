@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.records import replace
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.interfaces import Estimate
@@ -252,7 +253,7 @@ class LossySwarm(Swarm):
             other: Neighbour(message if time_s - at_s < 1.0 else None, time_s - at_s, None, False)
             for other, (message, at_s) in received
         }
-        return super().situation(vehicle, time_s)._replace(neighbours=neighbours)
+        return replace(super().situation(vehicle, time_s), neighbours=neighbours)
 
     def flown(self, vehicle: str, times_s: Array) -> Array:
         """Positions on the way that is flown; one that begins later is not yet."""

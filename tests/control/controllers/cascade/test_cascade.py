@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.records import replace as changed
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
@@ -116,7 +117,7 @@ def test_a_way_is_flown_closely_while_the_bar_creeps_and_the_axes_couple() -> No
     assert COAXIAL.tilt is not None
     controller, hover, still = make(COAXIAL, horizon=30), COAXIAL.hover_input, np.zeros(2)
     tilt = TiltEstimate(np.zeros(COAXIAL.tilt.dynamics().size), still, still, still)
-    vehicle = state()._replace(actuator=hover, tilt=tilt)
+    vehicle = changed(state(), actuator=hover, tilt=tilt)
     way = smooth_move(np.array([0.0, 0.0, 1.0]), np.array([0.4, 0.1, 1.0]), 0.0, 0.0, 0.5)
     controller.reset(vehicle, hover)
     for period in range(110):
