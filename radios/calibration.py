@@ -1,7 +1,5 @@
 """Normalised inputs u to pulse widths and back (docs/hardware.md)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -72,7 +70,7 @@ class ChannelCalibration:
         """Input that gives `pulse_us`, without the limits."""
         return (pulse_us - self.center_us - self.trim_us) / (self.sign * self.gain_us)
 
-    def trimmed(self, mean_u: float) -> ChannelCalibration:
+    def trimmed(self, mean_u: float) -> "ChannelCalibration":
         """Calibration whose neutral is where a hover needed the mean input `mean_u`."""
         return replace(self, trim_us=self.trim_us + self.sign * self.gain_us * mean_u)
 
@@ -217,7 +215,7 @@ class Calibration:
             self.yaw.stick_input(pulses_us[self.yaw.index]),
         )
 
-    def trimmed(self, mean_u: Sequence[float]) -> Calibration:
+    def trimmed(self, mean_u: Sequence[float]) -> "Calibration":
         """Calibration with new trims from the mean inputs of a steady hover, or `CalibrationError`."""
         trimmed: dict[str, ChannelCalibration] = {}
         for name, mean in (("pitch", mean_u[0]), ("roll", mean_u[1]), ("yaw", mean_u[3])):

@@ -1,7 +1,5 @@
 """Crazyflie with its own firmware: attitude set points, supervisor and watchdog."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -46,6 +44,10 @@ class CrazyflieProtocol(SetPointRadio):
         self._answered_s = -math.inf
         self._state: crtp.SupervisorState | None = None
         self._battery = BatteryLog()
+
+    def is_address(self, port: str) -> bool:
+        """See `RadioProtocol`; no Crazyflie is behind a device."""
+        return super().is_address(port) or bool(crtp.RadioAddress.of(port))
 
     def probe(self) -> bytes:
         """See `SetPointRadio`."""

@@ -1,7 +1,5 @@
 """Battery voltage of a Crazyflie from its log (format: documentation of crazyflie-firmware, log)."""
 
-from __future__ import annotations
-
 import math
 import struct
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, Protocol
 
+RADIO: Final = "radio://"  # beginning of addresses
 VENDOR, PRODUCT = 0x1915, 0x7777
 TO_DEVICE: Final = 0x40
 SET_CHANNEL, SET_ADDRESS, SET_RATE, SET_POWER, SET_RETRIES = 0x01, 0x02, 0x03, 0x04, 0x06

@@ -1,7 +1,5 @@
 """Packets of a Crazyflie: the Crazy RealTime Protocol (format: documentation of crazyflie-firmware)."""
 
-from __future__ import annotations
-
 import math
 import re
 import struct
@@ -9,12 +7,12 @@ from collections.abc import Iterable
 
 from msgspec import Struct, structs
 
+from rcopterx.radios.crazyradio import RADIO
 from rcopterx.radios.protocol import FrameDecodeError, ProtocolError
 from rcopterx.radios.set_points import AttitudeSetPoint
 
 NULL_PACKET = b"\xff"  # carries nothing; asks whether a vehicle is there, and answers so
 LONGEST_DATA = 30
-RADIO = "radio://"  # beginning of addresses
 FULL_THRUST = 60_000  # the firmware needs the rest of its 65535 for the attitude
 HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
@@ -42,7 +40,7 @@ class Packet(Struct, frozen=True):
         return bytes((self.port << 4 | _LINK_BITS | self.channel,)) + self.data
 
     @staticmethod
-    def from_bytes(raw: bytes) -> Packet:
+    def from_bytes(raw: bytes) -> "Packet":
         """Decode; raises `FrameDecodeError` for a packet that is empty or too long."""
         if not 1 <= len(raw) <= 1 + LONGEST_DATA:
             raise FrameDecodeError(f"crtp: packet that is empty or longer than {1 + LONGEST_DATA} bytes")
@@ -83,7 +81,7 @@ class SupervisorState(Struct, frozen=True):
         return Packet(SUPERVISOR, STATE_CHANNEL, _STATE_ANSWER + bits.to_bytes(2, "little"))
 
     @staticmethod
-    def of(packet: Packet) -> SupervisorState | None:
+    def of(packet: Packet) -> "SupervisorState | None":
         """Decode; None for another packet. Raises `FrameDecodeError` for a malformed answer."""
         data = packet.data
         if (packet.port, packet.channel) != (SUPERVISOR, STATE_CHANNEL) or data[:1] != _STATE_ANSWER:
@@ -139,7 +137,7 @@ class RadioAddress(Struct, frozen=True):
     address: bytes
 
     @staticmethod
-    def of(path: str) -> RadioAddress:
+    def of(path: str) -> "RadioAddress":
         """Read `radio://DONGLE/CHANNEL/RATE/ADDRESS`; raises `ProtocolError` for anything else."""
         match path.removeprefix(RADIO).split("/"):
             case [dongle, channel, rate, address] if path.startswith(RADIO) and (

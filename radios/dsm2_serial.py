@@ -1,7 +1,5 @@
 """14-byte frames for Spektrum radio boards (EdgeTX, `pulses/dsm2.cpp`)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

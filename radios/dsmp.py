@@ -1,7 +1,5 @@
 """Lemon-Rx DSMP module (EdgeTX, `pulses/dsmp.cpp`): set-up and channel frames, answers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Limits of the arbiter (docs/safety.md) with their defaults."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 

@@ -1,7 +1,5 @@
 """Vehicles with PX4 or ArduPilot: attitude set points, mode and arming by MAVLink 2 (mavlink.io, common)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """What an autopilot reports by MAVLink (messages: mavlink.io, dialect common)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

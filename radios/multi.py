@@ -1,7 +1,5 @@
 """Multiprotocol serial protocol (DIY-Multiprotocol-TX-Module): 27-byte frames, TLV answers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -127,7 +125,7 @@ class MultiFrame(Struct, frozen=True):
         return bytes(frame)
 
     @staticmethod
-    def from_bytes(frame: bytes) -> MultiFrame:
+    def from_bytes(frame: bytes) -> "MultiFrame":
         """Decode a frame of 26 to 36 bytes, of which 27 count; raises `FrameDecodeError`."""
         if not 26 <= len(frame) <= 36:
             raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")

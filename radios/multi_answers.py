@@ -1,7 +1,5 @@
 """Answers of a Multiprotocol module (DIY-Multiprotocol-TX-Module): incremental TLV parser."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rcopterx.radios.multi_radios import RADIOS
@@ -31,7 +29,7 @@ class MultiStatus:
     sub_protocol: str
 
     @staticmethod
-    def of(payload: bytes) -> MultiStatus:
+    def of(payload: bytes) -> "MultiStatus":
         """Read a payload of at least `STATUS_LENGTH` bytes."""
         version = (payload[1], payload[2], payload[3], payload[4])
         protocol, sub_protocol = _text(payload[8:15]), _text(payload[16:24])

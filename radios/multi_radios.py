@@ -1,7 +1,5 @@
 """Radio protocols of a Multiprotocol module (protocol: DIY-Multiprotocol-TX-Module)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final

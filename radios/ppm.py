@@ -1,7 +1,5 @@
 """Trainer-port encoder: ppm-gen on an Arduino."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The interface every radio protocol implements, in pulse widths and flags."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -108,6 +106,8 @@ class RadioProtocol(ABC):
     # the radio reads the bind flag only in its first frames after it was switched on
     binds_at_power_up: ClassVar[bool] = False
     receiver_search_s: ClassVar[float] = 6.0  # longest time in which a receiver finds the radio
+    serial: ClassVar[bool] = True  # whether simulated vehicles are reached by a serial line
+    local_port: int = 0  # UDP port that its frames are sent from, 0 for any
     line: SerialLine
     channel_count: int
     pulse_range_us: tuple[float, float]
@@ -150,6 +150,10 @@ class RadioProtocol(ABC):
 
     def frame_written(self, now_s: float) -> None:  # noqa: B027 - few radios use it
         """Note that a frame was written as a whole."""
+
+    def is_address(self, port: str) -> bool:  # noqa: ARG002 - most radios are devices
+        """Whether a port is an address of this radio, no device; raises `ProtocolError` for a wrong one."""
+        return False
 
     def pose_seen(  # noqa: B027 - few firmwares use it
         self, position_m: tuple[float, float, float], yaw_rad: float, *, standing: bool

@@ -1,7 +1,5 @@
 """Radio protocols of vehicles whose firmware keeps the attitude and arms: what they have in common."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections import Counter, deque
@@ -12,6 +10,7 @@ from typing import ClassVar
 from msgspec import Struct
 
 from rcopterx.radios import protocol as base
+from rcopterx.radios.udp import UDP, udp_address
 
 FULL_STICK_US = 400.0
 VOLTAGE_KEPT_S = 3.0  # vehicles report it once a second
@@ -71,8 +70,8 @@ class SetPointRadio(base.RadioProtocol):
 
     offers: ClassVar[frozenset[str]] = frozenset({"kill"})
     receiver_search_s: ClassVar[float] = 0.0
+    serial: ClassVar[bool] = False
     settings: FullStick  # how channels become set points
-    local_port: int = 0  # UDP port that its frames are sent from, 0 for any
 
     def __init__(self, settings: FullStick, line: base.SerialLine, remembered: int) -> None:
         self.settings = settings
@@ -88,6 +87,10 @@ class SetPointRadio(base.RadioProtocol):
         self.remark = ""  # further words of the status while it is ready
         self._opened = False
         self._answers: deque[bool] = deque(maxlen=remembered)
+
+    def is_address(self, port: str) -> bool:
+        """See `RadioProtocol`; also `udp://HOST:PORT`."""
+        return port.startswith(UDP) and bool(udp_address(port))
 
     def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
         armed = pulses_us[base.GEAR] > base.CENTER_US and not flags.kill

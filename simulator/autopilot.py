@@ -4,8 +4,6 @@ Behaviour: documentation of PX4; landing detectors and answers as PX4 1.16.1 (`s
 4.8-dev (1b34668c) showed them in their own simulations.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter, deque
 from typing import Any, Final

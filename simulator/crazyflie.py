@@ -1,7 +1,5 @@
 """Emulated firmware of a Crazyflie between radio and motors (behaviour: crazyflie-firmware, supervisor)."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """Emulated log of a Crazyflie: a table of variables, and blocks of one variable."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Final

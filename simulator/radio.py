@@ -1,7 +1,5 @@
 """Radio module and receiver behind a pseudo-terminal: the end of the line a transmitter gateway writes to."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

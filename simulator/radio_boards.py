@@ -1,7 +1,5 @@
 """Emulated radio modules that repeat channels on a fixed grid from their first frame on, whatever follows."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 

@@ -1,7 +1,5 @@
 """Common part of emulated radio modules: serial line with wire time, frame ends, air packets, frame log."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """Emulated Multiprotocol module (protocol: DIY-Multiprotocol-TX-Module)."""
 
-from __future__ import annotations
-
 import math
 
 from msgspec import structs

@@ -1,7 +1,5 @@
 """Emulated DSM2 receiver (behaviour: Spektrum AR7600 manual)."""
 
-from __future__ import annotations
-
 import math
 from enum import StrEnum
 

@@ -5,8 +5,6 @@ effect, everything happens that was due until then: an input that arrives after 
 passed.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 

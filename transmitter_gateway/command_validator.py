@@ -1,7 +1,5 @@
 """Which commands are accepted: form, limits, control lease, epoch, order."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 A transfer takes milliseconds, so that a thread for each dongle does them; ports exchange packets with it.
 """
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Callable
@@ -72,7 +70,7 @@ class Crazyradio:
         carried = len(taken_s) / sum(taken_s)
         return f"this Crazyradio carries {carried:.0f} packets/s, {vehicles} vehicles need {needed}: use more"
 
-    def attach(self, port: CrazyradioPort) -> None:
+    def attach(self, port: "CrazyradioPort") -> None:
         """Serve a port from now on."""
         with self._changed:
             if port not in self._ports:
@@ -84,7 +82,7 @@ class Crazyradio:
                 self._thread = Thread(target=self._run, name="crazyradio", daemon=True)
                 self._thread.start()
 
-    def detach(self, port: CrazyradioPort) -> None:
+    def detach(self, port: "CrazyradioPort") -> None:
         """Serve a port no more; without any the dongle is free for others."""
         with self._changed:
             self._ports = [other for other in self._ports if other is not port]
@@ -135,7 +133,7 @@ class Crazyradio:
         while [port for port in self._ports if self._exchange(self._device, port)]:
             pass
 
-    def _exchange(self, device: UsbDevice, port: CrazyradioPort) -> bool:
+    def _exchange(self, device: UsbDevice, port: "CrazyradioPort") -> bool:
         """Send one packet of a port, and pass on what the vehicle answers."""
         packet = port.next_packet()
         if packet is None:

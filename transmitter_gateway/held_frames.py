@@ -4,8 +4,6 @@ On a starved computer a frame may be the last one for half a second, and receive
 that brakes a climb commands little thrust for some periods; repeated, it would end on the floor.
 """
 
-from __future__ import annotations
-
 import math
 
 from rcopterx.vehicles.state import GRAVITY_M_S2

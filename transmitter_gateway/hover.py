@@ -8,8 +8,6 @@ the mean thrust of any time, over one plus the mean acceleration in units of the
 the vehicle need neither hover nor fly steadily.
 """
 
-from __future__ import annotations
-
 import math
 
 from rcopterx.transmitter_gateway.landing import RESPONSE_S

@@ -1,7 +1,5 @@
 """Inputs and outputs of the arbiter: small typed values without behaviour."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import Enum, StrEnum
 

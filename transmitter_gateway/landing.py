@@ -13,8 +13,6 @@ accelerates the vehicle no further. A stick that has long commanded much without
 vehicle that has become faster, or has lost a stick, descends faster; height and yaw control continue.
 """
 
-from __future__ import annotations
-
 import math
 
 from msgspec import Struct

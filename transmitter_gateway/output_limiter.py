@@ -1,7 +1,5 @@
 """Inputs of the vehicle in each state: commands within slew rates, or inputs of the arbiter's own."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 

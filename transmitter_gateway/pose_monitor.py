@@ -1,7 +1,5 @@
 """Own judgement from raw poses, independent of every agent: tracking, fence, distance, thrust time."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass

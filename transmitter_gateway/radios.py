@@ -9,9 +9,7 @@ from pathlib import Path
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.wakeup import Wakeup
-from rcopterx.radios.crazyradio import UsbDevice, find_dongle
-from rcopterx.radios.crtp import RADIO, RadioAddress
-from rcopterx.radios.set_points import SetPointRadio
+from rcopterx.radios.crazyradio import RADIO, UsbDevice, find_dongle
 from rcopterx.radios.udp import UDP
 from rcopterx.transmitter_gateway.background import at_once, in_thread
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
@@ -30,12 +28,15 @@ def port_for(
 ) -> Port:
     """Return a port for a transmitter, not yet opened; `dongles` finds Crazyradios by their number."""
     start = at_once if clock.lockstep else in_thread
-    if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
+    if settings.port.startswith(UDP):
         # Imported here and below: most gateways have serial ports only.
+        from rcopterx.radios.set_points import SetPointRadio
         from rcopterx.transmitter_gateway.udp_port import UdpPort
 
-        return UdpPort(settings.port, settings.protocol, start)
+        if isinstance(settings.protocol, SetPointRadio):
+            return UdpPort(settings.port, settings.protocol, start)
     if settings.port.startswith(RADIO):
+        from rcopterx.radios.crtp import RadioAddress
         from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
 
         address = RadioAddress.of(settings.port)

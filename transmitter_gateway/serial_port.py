@@ -1,7 +1,5 @@
 """Serial port for a control loop: never blocks, queues no stale frames."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import math

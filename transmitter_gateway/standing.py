@@ -1,7 +1,5 @@
 """Whether the pose of a vehicle on the floor is plausible; only then it is armed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

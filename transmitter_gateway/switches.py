@@ -1,7 +1,5 @@
 """Channels of a frame from the arbiter's output: sticks, and the switches that arm and stop a vehicle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

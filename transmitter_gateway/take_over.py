@@ -1,7 +1,5 @@
 """Whether a vehicle may still be in the air after a silence of its radio."""
 
-from __future__ import annotations
-
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied
 from rcopterx.transmitter_gateway.pose_monitor import Track

@@ -1,7 +1,5 @@
 """Whether a vehicle that comes down stands, from its height and its climb rate."""
 
-from __future__ import annotations
-
 from rcopterx.transmitter_gateway.landing import Motion
 
 AT_FLOOR_M = 0.01

@@ -3,8 +3,6 @@
 Of all rows that fit, the first one counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Set
 from dataclasses import dataclass
 from enum import StrEnum

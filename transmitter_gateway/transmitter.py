@@ -5,8 +5,6 @@ latest at `next_deadline_s`, which is at once after any of these. Only `tick` de
 returns what it wrote. Accepted commands are written on arrival; without one the arbiter's output is repeated.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

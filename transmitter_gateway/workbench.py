@@ -4,8 +4,6 @@ A serial port is opened exclusively; where the port is the address of a vehicle,
 that no gateway serves it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 

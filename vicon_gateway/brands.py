@@ -27,7 +27,7 @@ from typing import Any
 import msgpack
 import msgspec
 
-from rcopterx.vicon_gateway.client import ClientLimits, FrameClient
+from rcopterx.vicon_gateway.client import ClientLimits, FrameClient, LibraryMissingError
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.rotations import MAX_POSITION_MM
 
@@ -272,10 +272,6 @@ class BrandClient(FrameClient):
         if self._name == "connecting":
             return f"waiting for the first frame of {where} (try {self._connects})"
         return f"receiving from {where}" if self._name == "up" else f"closed, was {where}"
-
-
-class LibraryMissingError(ValueError):
-    """The library `motioncapture` is not installed."""
 
 
 def check_library() -> None:

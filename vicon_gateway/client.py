@@ -56,6 +56,10 @@ class ClientLimits(NamedTuple):
     retry_max_s: float = 2.0
 
 
+class LibraryMissingError(ValueError):
+    """The library `motioncapture` is not installed."""
+
+
 class _LinkError(Exception):
     """The connection has failed; the text is the reason."""
 

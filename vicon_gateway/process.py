@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import asdict
 
@@ -21,11 +21,13 @@ from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
-from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings, check_library
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, Position, SubjectPose
 from rcopterx.vicon_gateway.recording import RecordingFile
+
+if TYPE_CHECKING:
+    from rcopterx.vicon_gateway.brands import BrandSettings  # imports in vain where there is a Vicon Tracker
 
 SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
@@ -104,7 +106,7 @@ class TrackerSettings:
     host: str
     port: int
     subjects: Mapping[str, str]
-    brand: BrandSettings | None = None
+    brand: "BrandSettings | None" = None
     record_raw: Path | None = None
     realtime_priority: int = 0
 
@@ -259,6 +261,9 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
     gateway continues without it; `BusUnreachableError`: no router answers.
     """
     if settings.brand is not None:
+        # Imported here: a Vicon Tracker needs no other brand.
+        from rcopterx.vicon_gateway.brands import BrandClient, check_library
+
         check_library()
     with ExitStack() as stack:
         file = None

@@ -16,8 +16,9 @@ from rcopterx.bus.access import Seat, published_keys, requested_keys
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
 from rcopterx.bus.session import SILENT_SHARE, BusAddress, opened
-from rcopterx.deploy.certificates.files import credentials, host_seats, operator_seats, readable, subjects
+from rcopterx.deploy.certificates.files import credentials, readable
 from rcopterx.deploy.certificates.issuing import issue, new_authority
+from rcopterx.deploy.certificates.seats import host_seats, operator_seats, subjects
 from rcopterx.deploy.doctor.examination import Result
 from rcopterx.fleet.schema import FleetFile
 

@@ -20,7 +20,6 @@ from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.deploy.hosts.capacity import HostCapacity
 from rcopterx.deploy.hosts.serving import Service
 from rcopterx.deploy.processes.attempts import Attempts
-from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.supervisor import Child, Supervisor
 from rcopterx.vehicles.phases import AIRBORNE
 
@@ -115,6 +114,8 @@ class HostService(Service):
         if isinstance(request, StopHost):
             return self._stop_host()
         if isinstance(request, ReadLogs):
+            from rcopterx.deploy.processes.log_reading import read_page
+
             return read_page(self._logs, request)
         if isinstance(request, StartVehicle | StopVehicle | TakeVehicle):
             child = self._agents.get(request.vehicle)

@@ -8,10 +8,8 @@ from rcopterx.deploy.hosts.run_directory import serial_path, states_directory
 from rcopterx.fleet.consistency import check_unique
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.radios.crazyflie import CrazyflieProtocol
-from rcopterx.radios.crtp import RADIO, RadioAddress
+from rcopterx.radios.crazyradio import RADIO
 from rcopterx.radios.protocol import ProtocolError
-from rcopterx.radios.set_points import SetPointRadio
 from rcopterx.radios.udp import UDP, udp_address
 
 
@@ -20,15 +18,11 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     port = fleet.vehicles[name].transmitter.port
     protocol, where = protocol_of(fleet, name), f"vehicles.{name}.transmitter.port"
     try:
-        if isinstance(protocol, SetPointRadio) and port.startswith(UDP):
-            udp_address(port)
-            return port
-        if isinstance(protocol, CrazyflieProtocol):
-            RadioAddress.of(port)
+        if protocol.is_address(port):
             return port
     except ProtocolError as error:
         raise FleetError(f"{where}: {error}") from None
-    if isinstance(protocol, SetPointRadio) and fleet.simulator is not None:
+    if not protocol.serial and fleet.simulator is not None:
         raise FleetError(f"{where}: {port!r} is a device, simulated vehicles are at udp://")
     return str(serial_path(port, directory))
 
@@ -40,9 +34,7 @@ def check_ports(fleet: FleetFile, directory: Path) -> None:
     locals_ = {
         name: f"{fleet.gateways[fleet.vehicles[name].transmitter.gateway].host}:{protocol.local_port}"
         for name in fleet.vehicles
-        if ports[name].startswith(UDP)
-        and isinstance(protocol := protocol_of(fleet, name), SetPointRadio)
-        and protocol.local_port
+        if ports[name].startswith(UDP) and (protocol := protocol_of(fleet, name)).local_port
     }
     check_unique("vehicles", "transmitter.settings.local_port", locals_)
 
@@ -50,6 +42,9 @@ def check_ports(fleet: FleetFile, directory: Path) -> None:
 def _place_of(port: str) -> Hashable:
     """Return what a port leads to: any Crazyradio reaches the same vehicle."""
     if port.startswith(RADIO):
+        # Imported here: most radios are devices.
+        from rcopterx.radios.crtp import RadioAddress
+
         address = RadioAddress.of(port)
         return address.channel, address.rate, address.address
     if port.startswith(UDP):

@@ -2,11 +2,10 @@
 
 from importlib.metadata import version
 
-from rcopterx.bus.access import access_control
 from rcopterx.bus.endpoints import Protection
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
-from rcopterx.deploy.certificates.files import credentials, directory_of, host_name, subjects
+from rcopterx.deploy.certificates.files import credentials, directory_of, host_name
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
 from rcopterx.deploy.hosts.running import recorded
 from rcopterx.deploy.roles.addresses import record_of
@@ -52,5 +51,9 @@ def protection_of(fleet: FleetFile, host: str) -> Protection | None:
     directory = directory_of(fleet)
     if directory is None:
         return None
+    # Imported here: fleets on one computer do without.
+    from rcopterx.bus.access import access_control
+    from rcopterx.deploy.certificates.seats import subjects
+
     rules = access_control(fleet.name, fleet.bus.namespace, subjects(fleet, host))
     return Protection(credentials(directory, host_name(host)), rules)

@@ -15,7 +15,8 @@ from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.radios.crtp import RADIO, RadioAddress
+from rcopterx.radios.crazyradio import RADIO
+from rcopterx.radios.crtp import RadioAddress
 from rcopterx.simulator.conditions import PRESETS, Conditions
 from rcopterx.simulator.crazyradio import place_of
 from rcopterx.simulator.identified_crazyflie import missing_library

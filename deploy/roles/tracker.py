@@ -1,15 +1,18 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known
 from rcopterx.user_text import TextError, host_and_port
-from rcopterx.vicon_gateway.brands import BrandSettings, LibraryMissingError, check_library
+from rcopterx.vicon_gateway.client import LibraryMissingError
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
+
+if TYPE_CHECKING:
+    from rcopterx.vicon_gateway.brands import BrandSettings  # a Vicon Tracker needs no other brand
 
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
@@ -51,7 +54,7 @@ def tracker_address(fleet: FleetFile) -> tuple[str, int]:
         raise FleetError(f"tracker.address: {error}") from None
 
 
-def brand_of(fleet: FleetFile) -> BrandSettings | None:
+def brand_of(fleet: FleetFile) -> "BrandSettings | None":
     """Return the settings of another brand, None for a Vicon Tracker; `FleetError` for a wrong field."""
     tracker = fleet.tracker
     brand = tracker.brand
@@ -74,6 +77,8 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
     if brand in USUAL_PORTS and tracker.address == TrackerConfig().address:
         usual = f"HOST:{USUAL_PORTS[brand]}"
         raise FleetError(f"tracker.address: is missing, for brand {brand!r} it is {usual} as a rule")
+    from rcopterx.vicon_gateway.brands import BrandSettings
+
     library_name = LIBRARY_NAMES.get(brand, brand)
     settings = _addressed(brand, *tracker_address(fleet)) | tracker.settings
     try:
@@ -104,6 +109,8 @@ def check_motion_capture(fleet: FleetFile) -> None:
     """Check the library of the brand and that the recording can be created; `FleetError` names the field."""
     try:
         if brand_of(fleet) is not None:
+            from rcopterx.vicon_gateway.brands import check_library
+
             check_library()
     except LibraryMissingError as error:
         raise FleetError(f"tracker.brand: {fleet.tracker.brand!r}: {error}") from None

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
@@ -12,7 +12,6 @@ from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Inbox, UnitSubscriptions
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.report.latency import LatencyWatch, clock_offset
 from rcopterx.ground_station.scripting.joining import WrongFleetError, as_running, check_identity
 from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import (
@@ -27,6 +26,9 @@ from rcopterx.ground_station.scripting.notes import (
 from rcopterx.ground_station.scripting.state import VehicleState, arrival_problem, formation_problem
 from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError, arrived_after, begin_turns
 from rcopterx.vehicles.phases import Phase
+
+if TYPE_CHECKING:
+    from rcopterx.ground_station.report.latency import LatencyWatch  # few programs watch it
 
 M = TypeVar("M", bound=Message)
 
@@ -148,6 +150,8 @@ class Observer:
     def watch_latency(self) -> None:
         """Subscribe to every command that is written, so that states include latencies by stage."""
         if self._latency is None:
+            from rcopterx.ground_station.report.latency import LatencyWatch, clock_offset
+
             self._latency = LatencyWatch(
                 self.session, lambda first, second: clock_offset(self._router_statuses(), first, second)
             )

@@ -10,7 +10,6 @@ import numpy as np
 
 from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
-from rcopterx.ground_station.report.latency import Percentiles
 from rcopterx.vehicles.phases import AIRBORNE
 
 STALE_S: Final = 1.0
@@ -51,7 +50,7 @@ class VehicleState:
     plan: Plan | None = None
     seen_at_m: tuple[float, float, float] | None = None
     quaternion_xyzw: tuple[float, float, float, float] | None = None
-    latency_ms: Mapping[str, Percentiles] = field(default_factory=dict)
+    latency_ms: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def phase(self) -> str:

@@ -1,6 +1,6 @@
 import math
 from collections import Counter
-from dataclasses import replace
+from copy import copy
 from fractions import Fraction
 from typing import Any
 
@@ -255,7 +255,7 @@ def test_a_command_that_is_refused_for_another_reason_does_not_take_over() -> No
 def test_rejected_commands_do_not_refresh_the_stream() -> None:
     gate = Gate()
     gate.consider()
-    before = replace(gate.validator.stream)
+    before = copy(gate.validator.stream)
     for changes in ({"sequence": 10}, {"epoch": 4}, {"epoch": 6}, {"u": (9, 0, 0, 0)}, {"u": None}):
         assert gate.consider(now_s=1.5, flying=True, **{"sequence": 11, **changes}) is not None
     assert gate.validator.stream == before

@@ -251,7 +251,7 @@ def test_a_disk_that_hangs_while_logs_are_read_delays_no_other_request(
         mended.wait(DEADLINE_S)
         return ReadLogsReply(accepted=True)
 
-    monkeypatch.setattr("rcopterx.deploy.hosts.host_service.read_page", hang)
+    monkeypatch.setattr("rcopterx.deploy.processes.log_reading.read_page", hang)
     session, other = join(), join()
     reading = threading.Thread(target=asked, args=(other, "main", ReadLogs()))
     reading.start()

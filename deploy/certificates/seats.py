@@ -1,0 +1,45 @@
+"""What the owner of each certificate of a fleet may do."""
+
+from rcopterx.bus.access import Seat, Subject
+from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
+from rcopterx.deploy.certificates.files import agent_name, host_name, people, program_name
+from rcopterx.fleet.schema import FleetFile
+
+
+def subjects(fleet: FleetFile, here: str) -> list[Subject]:
+    """Return all subjects that the router of the host `here` admits, with their permissions."""
+    steering = operator_seats(fleet)
+    found = [Subject(None, host_seats(fleet, here))]
+    found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
+    found += [Subject(agent_name(vehicle), (Seat("agent", (vehicle,)),)) for vehicle in fleet.vehicles]
+    found += [
+        Subject(program_name(vehicle), (Seat(EXTERNAL_INPUT.publisher, (vehicle,)),))
+        for vehicle in fleet.vehicles
+    ]
+    found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
+    return found
+
+
+def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
+    """Return the permissions of operators: steer, kill, and fly vehicles by external programs."""
+    vehicles = tuple(fleet.vehicles)
+    return Seat(KILL.publisher, vehicles), Seat(EXTERNAL_INPUT.publisher, vehicles)
+
+
+def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
+    """Return the permissions of a host, by its roles in the fleet file."""
+    agents = fleet.agents_on(host)
+    seats = [
+        Seat("router", host=host),
+        Seat("recorder", host=host),
+        Seat("launcher", host=host),
+        Seat("agent", agents, host),
+        Seat("transmitter_gateway", fleet.transmitters_on(host)),
+    ]
+    if fleet.tracker.host == host:
+        seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))
+    if fleet.simulator is not None and fleet.simulator.host == host:
+        seats.append(Seat("simulator"))
+    if fleet.hosts[host].steering:
+        seats += operator_seats(fleet)
+    return tuple(seats)
