@@ -24,7 +24,8 @@ from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.separation.avoidance import NeighbourPlan, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator
-from rcopterx.control.references.trajectory import POSE, Trajectory
+from rcopterx.control.references.columns import POSE
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.phases import EVENT_OF_STATE, Event, Phase

@@ -14,18 +14,16 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.references.quintic import rest_to_rest
-from rcopterx.control.references.trajectory import (
+from rcopterx.control.references.columns import (
     ACCELERATION,
     POSITION,
     VELOCITY,
     YAW,
     YAW_ACCELERATION,
     YAW_RATE,
-    Trajectory,
-    on_turn_of,
-    whole_turns,
 )
+from rcopterx.control.references.quintic import rest_to_rest
+from rcopterx.control.references.trajectory import Trajectory, on_turn_of, whole_turns
 from rcopterx.vehicles.state import Array, turned_about_z
 
 OffsetFrame = Literal["inertial", "heading"]

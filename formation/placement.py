@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink
-from rcopterx.control.references.trajectory import POSE
+from rcopterx.control.references.columns import POSE
 from rcopterx.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three

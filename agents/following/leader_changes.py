@@ -18,7 +18,7 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from rcopterx.bus.session import Incoming
-from rcopterx.control.references.trajectory import POSE
+from rcopterx.control.references.columns import POSE
 from rcopterx.formation.placement import Room, offset_problem, place_problem
 from rcopterx.formation.topology import ancestors, formation_of, in_words, line_between
 from rcopterx.vehicles.phases import Phase

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.interfaces import Obstacle
-from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, YAW_RATE, Trajectory
+from rcopterx.control.references.columns import ACCELERATION, POSITION, VELOCITY, YAW_RATE
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, Z
 

@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import ControlStep, Estimate, never
-from rcopterx.control.references.trajectory import YAW, Trajectory
+from rcopterx.control.references.columns import YAW
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

@@ -26,7 +26,8 @@ from rcopterx.control.controllers.settings import (
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.models.prediction import behind_gyro, derivative
 from rcopterx.control.models.roll_out import lag_poles, predict
-from rcopterx.control.references.trajectory import X_RATE, Trajectory
+from rcopterx.control.references.columns import X_RATE
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix, turned_about_z
 

@@ -13,7 +13,8 @@ import numpy as np
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, NUMBER, compiled
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import ESTIMATE, MOTION_MODEL, behind_gyro, derivative
-from rcopterx.control.references.trajectory import COLUMNS, X_ACCELERATION, X_RATE, Trajectory
+from rcopterx.control.references.columns import COLUMNS, X_ACCELERATION, X_RATE
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array
 

@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.control.references.columns import COLUMNS, POSITION, VELOCITY, YAW
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
 from rcopterx.control.references.set_points import ProfileTransition, smooth_move, transition_through
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, VELOCITY, YAW
 from rcopterx.vehicles.state import Array, Z
 
 DESCENT_SPEED_M_S: Final = 0.7

@@ -11,18 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.control.references.columns import ACCELERATIONS, COLUMNS, POSITION, RATES, VELOCITY, X_RATE, YAW
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
-from rcopterx.control.references.trajectory import (
-    ACCELERATIONS,
-    COLUMNS,
-    POSITION,
-    RATES,
-    VELOCITY,
-    X_RATE,
-    YAW,
-    nearest_heading,
-    whole_turns,
-)
+from rcopterx.control.references.trajectory import nearest_heading, whole_turns
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.references.trajectory import ACCELERATIONS, POSE, RATES
+from rcopterx.control.references.columns import ACCELERATIONS, POSE, RATES
 from rcopterx.vehicles.state import Array
 
 PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from rest to rest

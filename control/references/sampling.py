@@ -3,7 +3,7 @@
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
-from rcopterx.control.references.trajectory import COLUMNS, X_ACCELERATION, X_RATE, YAW
+from rcopterx.control.references.columns import COLUMNS, X_ACCELERATION, X_RATE, YAW
 
 ON_STAGE = 1e-6  # an instant so close to a stage, in periods, is on it
 

@@ -7,19 +7,10 @@ from typing import Protocol
 import numpy as np
 from msgspec import Struct
 
+from rcopterx.control.references.columns import ACCELERATIONS, COLUMNS, POSE, POSITION, RATES, X_RATE, YAW
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, quintic_jerk
-from rcopterx.control.references.trajectory import (
-    ACCELERATIONS,
-    COLUMNS,
-    POSE,
-    POSITION,
-    RATES,
-    X_RATE,
-    YAW,
-    Trajectory,
-    hold,
-)
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 

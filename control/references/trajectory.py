@@ -10,20 +10,16 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
+from rcopterx.control.references.columns import (
+    COLUMNS,
+    POSE,
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_ACCELERATION,
+    YAW_RATE,
+)
 from rcopterx.vehicles.state import Array
-
-POSITION: Final = slice(0, 3)
-YAW: Final = 3
-X_RATE: Final = 4  # those of y, z and yaw follow
-VELOCITY: Final = slice(4, 7)
-YAW_RATE: Final = 7
-X_ACCELERATION: Final = 8
-ACCELERATION: Final = slice(8, 11)
-YAW_ACCELERATION: Final = 11
-COLUMNS: Final = 12
-POSE: Final = slice(0, X_RATE)  # x, y, z and yaw
-RATES: Final = slice(X_RATE, X_ACCELERATION)
-ACCELERATIONS: Final = slice(X_ACCELERATION, COLUMNS)
 
 _NO_OFFSET_M: Final[Array] = np.zeros(3)
 

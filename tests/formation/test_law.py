@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.references.columns import COLUMNS
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.formation.law import (
     FollowedLeader,
     FormationOffset,

@@ -4,7 +4,8 @@ import numpy as np
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.references.columns import COLUMNS
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.vehicles.phases import Event
 from support.flight import still

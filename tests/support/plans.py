@@ -9,7 +9,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.control.references.trajectory import COLUMNS
+from rcopterx.control.references.columns import COLUMNS
 
 
 class PlanInbox(Inbox[Plan]):

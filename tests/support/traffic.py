@@ -15,7 +15,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.session import Session
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.control.references.trajectory import COLUMNS
+from rcopterx.control.references.columns import COLUMNS
 from rcopterx.flights.mcap_reading import messages_of
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"

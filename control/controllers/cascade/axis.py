@@ -7,7 +7,7 @@ from rcopterx.compiling.compiled import ANY_MATRIX, COUNT, MATRIX, compiled, par
 from rcopterx.control.controllers.cascade.task import TASK, CascadeTask
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
-from rcopterx.control.references.trajectory import X_ACCELERATION, X_RATE
+from rcopterx.control.references.columns import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import XD_BODY, YAW, Array

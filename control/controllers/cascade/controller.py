@@ -20,8 +20,9 @@ from rcopterx.control.controllers.cascade.task import CascadeTask, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
+from rcopterx.control.references.columns import POSITION, VELOCITY
 from rcopterx.control.references.sampling import samples_through
-from rcopterx.control.references.trajectory import POSITION, VELOCITY, Trajectory
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, Array, Z, turned_about_z

@@ -25,7 +25,7 @@ from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeig
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.models.lateral import CORE_FROM, lateral_system
-from rcopterx.control.references.trajectory import X_ACCELERATION, X_RATE
+from rcopterx.control.references.columns import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Solution, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, Array, heading_matrix

@@ -23,8 +23,9 @@ from rcopterx.control.controllers.paper.model import (
 )
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.references.columns import ACCELERATIONS, COLUMNS, RATES, X_RATE
 from rcopterx.control.references.paths import in_frames
-from rcopterx.control.references.trajectory import ACCELERATIONS, COLUMNS, RATES, X_RATE, Trajectory
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array

@@ -13,7 +13,8 @@ from msgspec import Meta, Struct
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.settings import Horizon
 from rcopterx.control.interfaces import ControlStep, Estimate, never
-from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, Trajectory
+from rcopterx.control.references.columns import ACCELERATION, POSITION, VELOCITY
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.scheme import Samples, Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity, three

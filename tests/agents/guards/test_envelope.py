@@ -13,7 +13,8 @@ from rcopterx.agents.guards.envelope import FAST, SPINNING, Envelope
 from rcopterx.agents.guards.step_guard import BRIDGED_S, DEFAULT_CONTROLLER, StepGuard
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, Obstacle, never
 from rcopterx.control.plugins import CONTROLLERS
-from rcopterx.control.references.trajectory import POSITION, VELOCITY, YAW_RATE, Trajectory, hold
+from rcopterx.control.references.columns import POSITION, VELOCITY, YAW_RATE
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import U_THRUST, Array
 
 PERIOD_S = 0.02

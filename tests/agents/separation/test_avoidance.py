@@ -18,7 +18,8 @@ from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, NeighbourPlan, 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement, Obstacle
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.references.columns import COLUMNS
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.formation.topology import places
 from rcopterx.vehicles.phases import Event

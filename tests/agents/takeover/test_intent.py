@@ -15,6 +15,7 @@ from rcopterx.agents.takeover import intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import Intent
+from rcopterx.control.references.columns import COLUMNS, YAW
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
@@ -24,7 +25,7 @@ from rcopterx.control.references.set_points import (
     smooth_move,
     smooth_way,
 )
-from rcopterx.control.references.trajectory import COLUMNS, YAW, Trajectory
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.vehicles.phases import Event, Phase
 

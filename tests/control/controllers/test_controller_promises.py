@@ -10,7 +10,8 @@ from support.vehicle_types import COAXIAL_LAG, TYPES
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.references.columns import COLUMNS
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

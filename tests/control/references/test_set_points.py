@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rcopterx.control.references.columns import COLUMNS
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
@@ -13,7 +14,6 @@ from rcopterx.control.references.set_points import (
     SetPointReference,
     smooth_way,
 )
-from rcopterx.control.references.trajectory import COLUMNS
 
 PERIOD_S = 0.01
 START = np.array([0.3, -0.2, 1.0])

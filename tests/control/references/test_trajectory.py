@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, VELOCITY, Trajectory
+from rcopterx.control.references.columns import COLUMNS, POSITION, VELOCITY
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
 PERIOD_S = 0.02

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, nearest_heading, on_turn_of
+from rcopterx.control.references.columns import COLUMNS
+from rcopterx.control.references.trajectory import Trajectory, nearest_heading, on_turn_of
 
 headings = st.floats(-100.0, 100.0)
 
