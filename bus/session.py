@@ -34,8 +34,7 @@ from rcopterx.bus.subscription import (
 from rcopterx.bus.wakeup import Waiter, Wakeup
 
 if TYPE_CHECKING:
-    from rcopterx.bus.lockstep.inbox import LockstepInbox
-    from rcopterx.bus.lockstep.participant import Participant
+    from rcopterx.bus.lockstep.participant import LockstepInbox, Participant
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")

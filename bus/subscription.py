@@ -15,7 +15,7 @@ from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 
 if TYPE_CHECKING:
-    from rcopterx.bus.lockstep.inbox import LockstepInbox
+    from rcopterx.bus.lockstep.participant import LockstepInbox
 
 M = TypeVar("M", bound=Message)
 

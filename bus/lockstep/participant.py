@@ -16,17 +16,19 @@ from itertools import count
 from math import inf
 from operator import itemgetter
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.attachments import STAMP
+from rcopterx.bus.attachments import STAMP, attached
 from rcopterx.bus.endpoints import LONG_S
-from rcopterx.bus.lockstep.inbox import POLL_S, Held, LockstepInbox
 from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter, opened_page
 from rcopterx.bus.processes import SCRIPT, SERVICES
 
+POLL_S: Final = 0.1  # real time between two checks for what wakes no process
+Held = tuple[float, str, int, int, Callable[[], object]]
+"""What has arrived: time of sending [s], key, number, number of the inbox; delivers it in its turn."""
 LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
 NOT_STARTED_AGAIN: Final = frozenset(name.encode() for name in (SCRIPT, *SERVICES))
 
@@ -121,7 +123,7 @@ class Participant:
         """Return the attachment of the reply to a request with this attachment."""
         return self.stamp(f"reply {STAMP.unpack(request)[2]}") if len(request) == STAMP.size else None
 
-    def receive(self, key: str, *, waking: bool = True) -> LockstepInbox:
+    def receive(self, key: str, *, waking: bool = True) -> "LockstepInbox":
         """Wait from now on for what is sent on a key, in which `*` is any unit.
 
         What is sent on a `waking` one gives this process a turn; the rest counts in its next one.
@@ -130,13 +132,13 @@ class Participant:
         self._new_inboxes.append(inbox)
         return inbox
 
-    def end(self, inbox: LockstepInbox) -> None:
+    def end(self, inbox: "LockstepInbox") -> None:
         """Wait no longer for what is sent on a key."""
         for inboxes in (self._inboxes, self._new_inboxes):
             with suppress(ValueError):
                 inboxes.remove(inbox)
 
-    def serve(self, key: str) -> LockstepInbox:
+    def serve(self, key: str) -> "LockstepInbox":
         """Answer requests on a key from now on."""
         self.stamp(f"serve {key}")
         return self.receive(key)
@@ -247,6 +249,60 @@ class Participant:
         if notified:
             os.read(pipe, 4096)
         return notified
+
+
+class LockstepInbox:
+    """What a process receives under a key, in which `*` is any unit; a `waking` one gives it turns."""
+
+    def __init__(self, owner: Participant, number: int, key: str, *, waking: bool) -> None:
+        self._owner, self._number, self._since_s = owner, number, owner.page.now()
+        self._waking = waking
+        self._before, self._any, self._after = key.partition("*")
+        self._slashes = key.count("/")
+        self._received: dict[int, int] = {}
+        self._counters: dict[int, SentCounter] = {}
+        self._awaited = -1  # index of the counter that this process waits for
+
+    def hold(self, on_arrival: Callable[[Any], object], arrived: Any) -> None:
+        """Keep a sample or query for its turn, the next one if its sender takes no turns; any thread."""
+        attachment, key = attached(arrived.attachment), str(arrived.key_expr)
+        stamped = len(attachment) == STAMP.size
+        number, counter, _, sent_s = STAMP.unpack(attachment) if stamped else (0, -1, 0, -inf)
+        if not -inf < sent_s <= self._since_s:
+            self._owner.held.append((sent_s, key, number, self._number, partial(on_arrival, arrived)))
+        self._received[counter] = number
+        if counter == self._awaited:
+            self._owner.arrived.set()
+        if not stamped:
+            self._owner.call()
+
+    def await_counter(self, index: int, counter: SentCounter, *, beyond: bool) -> None:
+        """Wait for what another process sends, only beyond what it has sent if so requested."""
+        name, before, after = counter.name.decode(), self._before, self._after
+        matches = name == before
+        if self._any:
+            matches = name.startswith(before) and name.endswith(after) and name.count("/") == self._slashes
+        if matches and counter.owner != self._owner.index:
+            self._received.setdefault(index, counter.count if beyond else 0)
+            self._counters[index] = counter
+            if self._waking:
+                self._owner.read(index)
+
+    def await_all(self, give_up_s: float) -> None:
+        """Wait until everything has arrived that was sent, or a router has lost it; real time."""
+        # The newest first: when it is there, most of the others are.
+        for index, counter in reversed(self._counters.items()):
+            self._awaited = index
+            while self._received[index] < counter.count:
+                if self._owner.page.lost_routers and time.monotonic() > give_up_s:
+                    self._received[index] = counter.count
+                else:
+                    self._owner.arrived.wait(POLL_S)
+                    self._owner.arrived.clear()
+
+    def end(self) -> None:
+        """Receive no more."""
+        self._owner.end(self)
 
 
 def join_without_turns(path: Path, name: str) -> None:

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from support.waiting import wait_for
 
 from rcopterx.bus.attachments import STAMP
-from rcopterx.bus.lockstep.inbox import LockstepInbox
 from rcopterx.bus.lockstep.page import (
     FIRST_S,
     LockstepPage,
@@ -24,7 +23,7 @@ from rcopterx.bus.lockstep.page import (
     opened_page,
     remove_page,
 )
-from rcopterx.bus.lockstep.participant import Participant, join_without_turns
+from rcopterx.bus.lockstep.participant import LockstepInbox, Participant, join_without_turns
 from rcopterx.bus.lockstep.scheduler import RETURN_S, STEP_S, Scheduler
 from rcopterx.bus.processes import SIMULATOR
 
