@@ -1,6 +1,5 @@
 """Crazyflie with its own firmware: attitude set points, supervisor and watchdog."""
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -8,13 +7,13 @@ from msgspec import structs
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG, BatteryLog
+from rcopterx.radios.crazyflie_reports import FALL_BACKS, FirmwareReports
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import AttitudeSetPoint, FullStick, SetPointRadio
 
 LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
 
 FRAMES_PER_REQUEST = 10  # so often the state is asked for and the watchdog fed: every 0.25 s at the latest
-SILENT_S = 1.0
 REQUESTS_REMEMBERED = 20  # for the quality of the link: those of the last 4 to 5 s
 
 
@@ -40,9 +39,9 @@ class CrazyflieProtocol(SetPointRadio):
         super().__init__(settings or CrazyflieSettings(), line, REQUESTS_REMEMBERED)
         self._frames = 0
         self._armed: bool | None = None
+        self._thrusts = False
         self._recovery: tuple[crtp.Packet, ...] = ()
-        self._answered_s = -math.inf
-        self._state: crtp.SupervisorState | None = None
+        self._reports = FirmwareReports()
         self._battery = BatteryLog()
 
     def is_address(self, port: str) -> bool:
@@ -58,10 +57,13 @@ class CrazyflieProtocol(SetPointRadio):
         packets = [crtp.set_point_packet(point)]
         if kill:
             packets.insert(0, crtp.EMERGENCY_STOP)
+        self._thrusts = point.thrust > 0
         if armed is not self._armed or self._frames >= FRAMES_PER_REQUEST:
             packets += self._requests(armed=armed)
             self._armed, self._frames = armed, 0
-        elif not armed and self._state is not None and (wanted := self._battery.request()) is not None:
+        elif (
+            not armed and self._reports.state is not None and (wanted := self._battery.request()) is not None
+        ):
             packets.append(wanted)
         self._frames += 1
         return crtp.joined(packet.to_bytes() for packet in packets)
@@ -70,8 +72,16 @@ class CrazyflieProtocol(SetPointRadio):
         """Packets that are not needed in every frame."""
         self._answers.append(False)
         requests = [crtp.STATE_REQUEST]
-        state = self._state
-        if state is not None and armed != state.armed and (armed or not state.arms_itself):
+        state = self._reports.state
+        if not armed:
+            self._reports.fall_backs = 0
+        if state is None:
+            requests.append(crtp.VERSION_REQUEST)
+        elif (
+            armed != state.armed
+            and self._reports.fall_backs < FALL_BACKS
+            and (armed or not state.arms_itself)
+        ):
             requests.append(crtp.arm_request(on=armed))
         self.watched = self.watched or (armed and self.settings.watchdog)
         if self.watched:
@@ -82,7 +92,7 @@ class CrazyflieProtocol(SetPointRadio):
 
     def recover(self) -> str | None:
         """See `RadioProtocol`: a lock ends with a restart, a crash with a request once upright."""
-        state = self._state
+        state = self._reports.state
         if state is not None and state.locked:
             self._recovery, self.watched = crtp.RESTART, False
             return "the firmware restarts; it has to stand still for some seconds"
@@ -98,13 +108,13 @@ class CrazyflieProtocol(SetPointRadio):
     def link_opened(self, now_s: float) -> None:
         """Wait for a new state."""
         super().link_opened(now_s)
-        self._armed = self._state = None
+        self._armed, self._reports = None, FirmwareReports()
         self._battery = BatteryLog()
 
     def link_resumed(self, now_s: float) -> None:
         """Count the vehicle as ready and armed, as if it had just reported it."""
         self.link_opened(now_s)
-        self._state, self._answered_s = crtp.SupervisorState(armed=True), now_s
+        self._reports.resume(now_s)
         self.watched = self.settings.watchdog
 
     def receive(self, data: bytes, now_s: float) -> None:
@@ -125,27 +135,17 @@ class CrazyflieProtocol(SetPointRadio):
             self._battery.take(packet)
             if packet.channel == DATA_CHANNEL:
                 self._report_voltage(self._battery.voltage_v, now_s)
-        elif (state := crtp.SupervisorState.of(packet)) is not None:
-            self._state, self._answered_s = state, now_s
-            if self._answers:
-                self._answers[-1] = True
+        elif self._reports.take(packet, now_s) and self._answers:
+            self._answers[-1] = True
 
     def status(self, now_s: float) -> ModuleStatus:
-        """See `SetPointRadio`; vehicles that arm themselves report no arming."""
-        state = self._state
-        armed = None if state is None or state.arms_itself else state.armed
-        return structs.replace(super().status(now_s), armed=armed)
+        """See `SetPointRadio`; an arming counts once it can fly. Vehicles that arm themselves report none."""
+        state = self._reports.state
+        if state is None or state.arms_itself:
+            return super().status(now_s)
+        return structs.replace(
+            super().status(now_s), armed=state.armed and (state.can_fly or not self._armed)
+        )
 
     def _problem(self, now_s: float) -> str | None:
-        state = self._state
-        if state is None:
-            return "no answer from the vehicle yet; check its power, channel, data rate and address"
-        if now_s - self._answered_s > SILENT_S:
-            return f"vehicle gone: silent for {now_s - self._answered_s:.1f} s"
-        if state.locked:
-            return "the vehicle is locked after a stop: reset it, or switch it off and on"
-        if state.tumbled:
-            return "the vehicle lies on its side: put it upright"
-        if state.crashed:
-            return "the vehicle has crashed: check it and reset it"
-        return None if state.armed or state.can_be_armed else "the vehicle checks itself"
+        return self._reports.problem(now_s, armed=self._armed is True, thrusts=self._thrusts)

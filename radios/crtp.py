@@ -16,7 +16,8 @@ LONGEST_DATA = 30
 FULL_THRUST = 60_000  # the firmware needs the rest of its 65535 for the attitude
 HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
-COMMANDER, SUPERVISOR = 3, 9  # ports
+CONSOLE, COMMANDER, SUPERVISOR, PLATFORM = 0, 3, 9, 13  # ports
+VERSION_CHANNEL = 1  # of the platform
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1  # channels of the supervisor
 ARM, RECOVER, STATE_BITS = 0x01, 0x02, 0x0C  # commands of the supervisor
 LINK_CONTROL = 15  # port, whose channel 3 reaches the second processor, of radio and power
@@ -25,7 +26,6 @@ ANSWERED = 0x80
 _SET_POINT = struct.Struct("<fffH")
 _LINK_BITS = 0x0C
 _STATE_ANSWER = bytes((ANSWERED | STATE_BITS,))
-_STATE_BITS = (0, 1, 2, 4, 5, 6, 7)  # of the fields of `SupervisorState`
 
 
 class Packet(Struct, frozen=True):
@@ -70,6 +70,7 @@ class SupervisorState(Struct, frozen=True):
     can_be_armed: bool = False
     armed: bool = False
     arms_itself: bool = False
+    can_fly: bool = False
     flying: bool = False
     tumbled: bool = False
     locked: bool = False
@@ -77,7 +78,7 @@ class SupervisorState(Struct, frozen=True):
 
     def packet(self) -> Packet:
         """Encode as the answer to `STATE_REQUEST`."""
-        bits = sum(flag << bit for flag, bit in zip(structs.astuple(self), _STATE_BITS, strict=True))
+        bits = sum(flag << bit for bit, flag in enumerate(structs.astuple(self)))
         return Packet(SUPERVISOR, STATE_CHANNEL, _STATE_ANSWER + bits.to_bytes(2, "little"))
 
     @staticmethod
@@ -89,9 +90,10 @@ class SupervisorState(Struct, frozen=True):
         if len(data) != 3:
             raise FrameDecodeError(f"crtp: state of {len(data)} bytes, 3 are needed")
         bits = int.from_bytes(data[1:], "little")
-        return SupervisorState(*(bool(bits >> bit & 1) for bit in _STATE_BITS))
+        return SupervisorState(*(bool(bits >> bit & 1) for bit in range(8)))
 
 
+VERSION_REQUEST = Packet(PLATFORM, VERSION_CHANNEL, b"\0")
 STATE_REQUEST = Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
 EMERGENCY_STOP = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x03")  # stops the motors until a restart
 WATCHDOG = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x04")

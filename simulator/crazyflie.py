@@ -56,6 +56,11 @@ LEVEL_AFTER_S: Final = 0.5
 STOP_AFTER_S: Final = 2.0
 WATCHDOG_S: Final = 1.0
 BOOT_S: Final = 2.0  # from a restart by radio to the first answer
+SPIN_UP_S: Final = 0.3  # of motors that are checked before a brushless vehicle can fly
+SPIN_UP_LIMIT_S: Final = 2.0
+STANDING_S: Final = 30.0  # so long a vehicle that can fly and does not stays armed
+CHECKS_S: Final = 0.3  # from then on, until it can be armed again
+BLOCKED: Final = b"SUP: M3 arming RPM check (3000-12000rpm) [FAIL]\n"
 LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST  # less is nothing
 
 
@@ -65,6 +70,7 @@ class Crazyflie(UdpVehicle):
     `state`: what the supervisor reports. `motors_run`: whether the motors get thrust. `rejected`: packets
     that the firmware ignored, by reason. `settings`: how set points become the pulse widths that the
     simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless ones wait for a request.
+    `blocked`: whether a motor of a brushless one cannot turn. `spin_ups`: how often its motors were armed.
     `flown_s`: for how long the motors have run with this battery, which then ends.
     """
 
@@ -75,7 +81,8 @@ class Crazyflie(UdpVehicle):
         self._settings = settings
         self._arms_itself = arms_itself
         self.rejected: Counter[str] = Counter()
-        self.motors_run = False
+        self.motors_run = self.blocked = False
+        self.spin_ups = 0
         self.power_cycle(start_s)
 
     def power_cycle(self, now_s: float) -> None:
@@ -83,9 +90,10 @@ class Crazyflie(UdpVehicle):
         self.powered = True
         self._log = CrazyflieLog()
         self.flown_s = 0.0
-        self.state = crtp.SupervisorState(
-            can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
-        )
+        self._console: deque[crtp.Packet] = deque()
+        self._stood_s = now_s
+        self._checked_s = math.inf
+        self._change(armed=self._arms_itself)
         self._unlocked = False
         self._set_point = AttitudeSetPoint()
         self._received_s = self._fed_s = math.inf
@@ -111,7 +119,8 @@ class Crazyflie(UdpVehicle):
             self.rejected[str(error)] += 1
             return []
         self._note(now_s)
-        answers += self._log.due(now_s, self.flown_s)
+        answers += [*self._log.due(now_s, self.flown_s), *self._console]
+        self._console.clear()
         return [answer.to_bytes() for answer in answers]
 
     def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
@@ -128,7 +137,7 @@ class Crazyflie(UdpVehicle):
             return []
         if packet == crtp.RECOVERY:
             if not self.state.tumbled:
-                self.state = structs.replace(self.state, crashed=False, can_be_armed=not self.state.armed)
+                self._change(armed=self._arms_itself)
             return []
         if packet in crtp.RESTART:
             self._restart(now_s, packet)
@@ -139,7 +148,7 @@ class Crazyflie(UdpVehicle):
             return [answer]
         for on in (False, True):
             if packet == crtp.arm_request(on=on):
-                return [self._arm(on=on, answer=packet)]
+                return [self._arm(now_s, on=on, answer=packet)]
         raise FrameDecodeError(f"crazyflie: no such port or command: {packet.port}, {packet.channel}")
 
     def _restart(self, now_s: float, packet: crtp.Packet) -> None:
@@ -161,17 +170,44 @@ class Crazyflie(UdpVehicle):
         pulses_us = self._settings.pulses_us(set_point, armed=self.state.armed)
         self.frames.append(SerialFrame(now_s, pulses_us, kill=self.state.locked))
 
-    def _arm(self, *, on: bool, answer: crtp.Packet) -> crtp.Packet:
-        if not (self.state.locked or self.state.crashed):
-            self._change(armed=on or self._arms_itself)
+    def _arm(self, now_s: float, *, on: bool, answer: crtp.Packet) -> crtp.Packet:
+        if not (self.state.locked or self.state.crashed or self.state.armed is on) and (
+            not on or self.state.can_be_armed
+        ):
+            self._change(armed=on or self._arms_itself, spins_up=on)
+            self.spin_ups += on
+            self._stood_s = now_s
         done = self.state.armed is on
         data = bytes((crtp.ANSWERED | crtp.ARM, done, self.state.armed))
         return crtp.Packet(answer.port, answer.channel, data)
 
-    def _change(self, *, armed: bool, locked: bool = False) -> None:
+    def _change(self, *, armed: bool, locked: bool = False, spins_up: bool = False) -> None:
         self.state = crtp.SupervisorState(
-            can_be_armed=not armed and not locked, armed=armed, arms_itself=self._arms_itself, locked=locked
+            can_be_armed=not armed and not locked,
+            armed=armed,
+            arms_itself=self._arms_itself,
+            can_fly=armed and not spins_up,
+            locked=locked,
         )
+
+    def _spun_up(self, now_s: float) -> None:
+        if self.state.armed and not self.blocked:
+            self.state = structs.replace(self.state, can_fly=True)
+            self._stood_s = now_s
+
+    def _fall_back(self, now_s: float) -> None:
+        """End an arming that did not lead to a flight."""
+        if self.state.armed and not self.motors_run:
+            if not self.state.can_fly:
+                self._console.append(crtp.Packet(crtp.CONSOLE, 0, BLOCKED[:LONGEST_DATA]))
+                self._console.append(crtp.Packet(crtp.CONSOLE, 0, BLOCKED[LONGEST_DATA:]))
+            self.state = crtp.SupervisorState(arms_itself=self._arms_itself)
+            self._checked_s = now_s + CHECKS_S
+
+    def _pass_checks(self, now_s: float) -> None:
+        if not (self.state.armed or self.state.locked or self.state.crashed):
+            self._change(armed=self._arms_itself)
+            self._stood_s = now_s
 
     def advance(self, now_s: float) -> None:
         """Apply the ages of the set point and of the watchdog until `now_s`."""
@@ -179,6 +215,9 @@ class Crazyflie(UdpVehicle):
             (self._received_s + LEVEL_AFTER_S, self._note),
             (self._received_s + STOP_AFTER_S, self._stop),
             (self._fed_s + WATCHDOG_S, self._lock),
+            (self._stood_s + SPIN_UP_S, self._spun_up),
+            (self._stood_s + (STANDING_S if self.state.can_fly else SPIN_UP_LIMIT_S), self._fall_back),
+            (self._checked_s, self._pass_checks),
         )
         for due_s, act in sorted(timers, key=lambda timer: timer[0]):
             if self.powered and self._advanced_s < due_s <= now_s:
@@ -201,11 +240,13 @@ class Crazyflie(UdpVehicle):
     def _note(self, now_s: float) -> None:
         """Note what the vehicle gets if it has changed."""
         point = self._set_point
-        runs = self.powered and self.state.armed and self._unlocked and point.thrust >= LEAST_THRUST
+        runs = self.powered and self.state.can_fly and self._unlocked and point.thrust >= LEAST_THRUST
         if not runs:
             point = AttitudeSetPoint()
         elif now_s >= self._received_s + LEVEL_AFTER_S:
             point = AttitudeSetPoint(thrust=point.thrust)
         pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
+        if self.motors_run and not runs:
+            self._stood_s = now_s
         self.motors_run = runs
         self.note_pulses(now_s, pulses_us)

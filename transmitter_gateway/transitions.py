@@ -75,6 +75,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
     Transition({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
     Transition({_S.ARMED}, {_C.IMPLAUSIBLE, _C.GROUNDED}, _S.DISARMED, "on the floor"),
+    Transition({_S.ARMED}, {_C.GROUNDED}, _S.DISARMED, "transmitter not ready", unless={_C.READY}),
     Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     Transition(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
     Transition(FLYING, {_C.LIFT_OFF}, _S.CUT, "lift-off"),

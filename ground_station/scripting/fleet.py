@@ -114,19 +114,27 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         return self.swap(formation_leader(self.statuses(), name), name)
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
-        """Arm vehicles that are not armed yet and wait until their agents know."""
+        """Arm vehicles and wait until agents and firmware report it; those that do not are disarmed."""
         vehicles = self.present() if names is None else named(self.file, names)
         deadline_s = self.session.clock() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
                 # The arbiter requires half a second of throttle-low commands first.
                 self._retry(self[name].arm, deadline_s)
-        self.wait_until(
-            lambda: all(self.state_of(name).phase in ("armed", *AIRBORNE) for name in vehicles),
-            timeout_s,
-            "not all vehicles are armed",
-            vehicles,
-        )
+
+        def armed(name: str) -> bool:
+            state = self.state_of(name)
+            return state.phase in ("armed", *AIRBORNE) and state.firmware_armed is not False
+
+        try:
+            self.wait_until(
+                lambda: all(map(armed, vehicles)), timeout_s, "not all vehicles are armed", vehicles
+            )
+        except NotReachedError:
+            for name in vehicles:
+                if not (armed(name) or self.state_of(name).airborne):
+                    self[name].disarm()
+            raise
 
     def _retry(self, request: Callable[[], None], deadline_s: float) -> None:
         """Repeat a request until it is accepted: some reasons for a refusal pass."""
@@ -330,7 +338,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         )
         with _collected(problems):
             self.wait_until(
-                lambda: not any(vehicle.state.firmware_armed for vehicle in landing),
+                lambda: not any(vehicle.state.firmware_armed is True for vehicle in landing),
                 FIRMWARE_DISARM_S,
                 "not all vehicles have disarmed",
                 [vehicle.name for vehicle in landing],

@@ -81,9 +81,9 @@ class VehicleState:
         return "unknown" if self.transmitter is None else self.transmitter.state
 
     @property
-    def firmware_armed(self) -> bool:
-        """Whether the firmware of the vehicle reports that it is armed."""
-        return self.transmitter is not None and self.transmitter.armed is True
+    def firmware_armed(self) -> bool | None:
+        """Whether the firmware of the vehicle reports that it is armed; None if it reports none."""
+        return None if self.transmitter is None else self.transmitter.armed
 
     @property
     def reason(self) -> str:
@@ -156,7 +156,9 @@ class VehicleState:
         """Phase and state of the transmitter with its reason."""
         if self.transmitter is None:
             return f"{self.name}: {self.phase}"
-        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.reason}"
+        waits = self.transmitter.state == "armed" and self.transmitter.armed is False
+        firmware = f"; not by its firmware: {self.transmitter.module}" if waits else ""
+        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.reason}{firmware}"
 
     def problems(self, stale_s: float = STALE_S) -> list[str]:
         """Problems that block take-off, one line each."""

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import (
     FRAMES_PER_REQUEST,
-    SILENT_S,
     CrazyflieProtocol,
     CrazyflieSettings,
 )
+from rcopterx.radios.crazyflie_reports import REARMING_S, SILENT_S
 from rcopterx.radios.protocol import FrameFlags, ProtocolError
 from rcopterx.radios.set_points import AttitudeSetPoint
 
@@ -129,6 +129,35 @@ def test_a_vehicle_is_ready_when_its_firmware_would_fly(
     assert words in protocol.status(0.0).text
     assert not protocol.status(SILENT_S + 0.1).ready
     assert not protocol.status(SILENT_S + 0.1).ready
+
+
+def test_an_old_firmware_is_named_although_it_reports_no_state() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    assert crtp.VERSION_REQUEST in round_of(protocol, LOW)
+    protocol.receive(crtp.joined([crtp.Packet(13, 1, bytes((0, 10))).to_bytes()]), 0.0)
+    assert protocol.status(0.0).text == "firmware too old: protocol 10, 12 is needed (2026.04)"
+
+
+def test_a_vehicle_that_checks_itself_is_ready_until_it_takes_long() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    reported(protocol, crtp.SupervisorState(armed=True, arms_itself=True, can_fly=True), 0.0)
+    reported(protocol, crtp.SupervisorState(arms_itself=True), 0.25)
+    assert protocol.status(0.3).ready
+    reported(protocol, crtp.SupervisorState(arms_itself=True), REARMING_S)
+    assert not protocol.status(REARMING_S + 0.1).ready
+
+
+def test_the_console_says_why_the_firmware_does_not_arm() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    text = b"SUP: M2 arming RPM check (3000-12000rpm) [FAIL]\nSUP: Disarming\n"
+    for part in (text[:30], text[30:60], text[60:]):
+        protocol.receive(crtp.joined([crtp.Packet(crtp.CONSOLE, 0, part).to_bytes()]), 0.0)
+    protocol.encode(HOVER)
+    reported(protocol, crtp.SupervisorState(armed=True))
+    assert protocol.status(0.0).text.endswith("SUP: M2 arming RPM check (3000-12000rpm) [FAIL]")
 
 
 def test_a_successor_counts_the_vehicle_as_ready_until_it_is_silent() -> None:

@@ -7,7 +7,7 @@ import pytest
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.set_points import AttitudeSetPoint
-from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, STOP_AFTER_S, WATCHDOG_S, Crazyflie
+from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, SPIN_UP_S, STOP_AFTER_S, WATCHDOG_S, Crazyflie
 
 SETTINGS = CrazyflieSettings()
 FLY = AttitudeSetPoint(roll_deg=15.0, thrust=0.6)
@@ -93,8 +93,10 @@ def test_a_brushless_vehicle_flies_only_while_it_is_armed() -> None:
     assert asked(vehicle, 0.0).can_be_armed
     [answer] = vehicle.receive(on, 0.1)
     assert crtp.Packet.from_bytes(answer).data == b"\x81\x01\x01"
+    assert not vehicle.motors_run, "its motors spin up"
+    vehicle.receive(crtp.set_point_packet(FLY).to_bytes(), 0.11 + SPIN_UP_S)
     assert vehicle.motors_run
-    vehicle.receive(off, 0.2)
+    vehicle.receive(off, 0.6)
     assert not vehicle.motors_run
 
 

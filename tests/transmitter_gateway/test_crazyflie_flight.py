@@ -4,8 +4,9 @@ import pytest
 from firmware_bench import FirmwareBench
 
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
-from rcopterx.simulator.crazyflie import BOOT_S, LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
-from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
+from rcopterx.radios.crazyflie_reports import FALL_BACKS
+from rcopterx.simulator.crazyflie import BOOT_S, LEVEL_AFTER_S, SPIN_UP_S, WATCHDOG_S, Crazyflie
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, LinkState, State
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
 
 
@@ -33,6 +34,7 @@ class Bench(FirmwareBench):
         assert not any(self.run(1.5, 0.0))
         answer = self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s)
         assert answer.accepted, answer.reason
+        self.run(0.8, 0.0)
         self.run(2.0)
         assert self.state is State.ARMED
         assert self.vehicle.motors_run
@@ -116,6 +118,53 @@ def test_a_vehicle_that_restarts_in_flight_is_not_flown_on(bench: Bench) -> None
     bench.fly()
     bench.vehicle.power_cycle(bench.now_s)
     assert not any(bench.run(1.0)), "its thrust waits for a set point without thrust"
+
+
+def armed(bench: Bench) -> None:
+    bench.run(1.5, 0.0)
+    assert bench.request(Action.ARM)
+
+
+def test_an_arming_counts_once_the_firmware_can_fly() -> None:
+    bench = Bench(arms_itself=False)
+    armed(bench)
+    bench.run(SPIN_UP_S - 0.1, 0.0)
+    assert bench.vehicle.state.armed
+    assert bench.transmitter.link(bench.now_s).armed is False
+    bench.run(0.5, 0.0)
+    assert bench.transmitter.link(bench.now_s).armed is True
+
+
+def test_thrust_for_motors_that_have_not_spun_up_ends_the_take_off() -> None:
+    bench = Bench(arms_itself=False)
+    bench.vehicle.blocked = True
+    armed(bench)
+    assert not any(bench.run(1.0))
+    assert bench.state is not State.ARMED
+    assert "its motors have not spun up" in bench.transmitter.arbiter.reason
+
+
+def test_arming_that_the_firmware_refuses_is_requested_twice_and_the_reason_is_its_own_words() -> None:
+    bench = Bench(arms_itself=False)
+    bench.vehicle.blocked = True
+    bench.height_m = 0.02
+    armed(bench)
+    bench.run(10.0, 0.0)
+    assert bench.state is State.DISARMED
+    assert "did not arm: SUP: M3 arming RPM check" in bench.transmitter.arbiter.reason
+    assert bench.vehicle.spin_ups == FALL_BACKS
+    assert bench.transmitter.link(bench.now_s).armed is False
+    bench.vehicle.blocked = False
+    bench.request(Action.DISARM)
+    bench.fly()
+
+
+def test_a_vehicle_that_arms_itself_anew_while_it_stands_stays_ready() -> None:
+    bench = Bench(arms_itself=True)
+    bench.run(1.0, 0.0)
+    for _ in range(340):
+        bench.run(0.1, 0.0)
+        assert bench.transmitter.link(bench.now_s).state is LinkState.READY, bench.module
 
 
 def stand_after_a_flight(bench: Bench) -> None:
