@@ -63,7 +63,7 @@ PRODUCT = {
 
 
 def test_the_architecture_names_the_folders_of_the_product_and_no_others() -> None:
-    beside_links = {"rcopterx/compiling", "rcopterx/user_text.py"}
+    beside_links = {"rcopterx/compiling", "rcopterx/places.py", "rcopterx/user_text.py"}
     assert set(PRODUCT) == {*FOLDERS} | beside_links
 
 
