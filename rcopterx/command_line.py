@@ -2,7 +2,7 @@
 
 from collections import UserDict
 from importlib import import_module
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperGroup
@@ -36,20 +36,12 @@ COMMANDS: Final = {
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
 
 
-class Place(NamedTuple):
-    """Where a command is defined."""
-
-    panel: str
-    module: str
-    name: str
-
-
 PLACES: Final = {
-    place.name.strip("_").replace("_", "-"): place
+    function.partition(".")[2].strip("_").replace("_", "-"): (panel, *function.split("."))
     for panel, functions in COMMANDS.items()
-    for place in (Place(panel, *function.split(".")) for function in functions)
+    for function in functions
 }
-"""Every command by the name that is typed."""
+"""Panel, module and name in it of every command, by the name that is typed."""
 
 
 class _Imported(UserDict[str, Any]):

@@ -17,7 +17,6 @@ from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.formation.placement import Room, take_off_problem
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
-from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
@@ -85,7 +84,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def __getitem__(self, name: str) -> Vehicle:
         """Vehicle of this name; KeyError without one."""
-        return self._vehicles[named(self.file, [name])[0]]
+        return self._vehicles[self._named([name])[0]]
 
     def __iter__(self) -> Iterator[Vehicle]:
         """All vehicles, in the order of the fleet file."""
@@ -115,7 +114,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles and wait until agents and firmware report it; those that do not are disarmed."""
-        vehicles = self.present() if names is None else named(self.file, names)
+        vehicles = self.present() if names is None else self._named(names)
         deadline_s = self.session.clock() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
@@ -163,7 +162,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         NotReachedError
             Not all reached their height in time.
         """
-        wanted = None if names is None else named(self.file, names)
+        wanted = None if names is None else self._named(names)
         self._refuse_killed(wanted)
         if wanted is None:
             behind = self._wait_for_most()
@@ -304,7 +303,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             the others land and are disarmed first.
             Failures of further vehicles are in the notes of the error.
         """
-        self.wait_for_status(names := None if names is None else named(self.file, names))
+        self.wait_for_status(names := None if names is None else self._named(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[Exception] = []
         landing, refusals = [], {}
@@ -356,7 +355,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         NotReachedError
             An arbiter is not KILLED within `timeout_s`; says which.
         """
-        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(named(self.file, names)))
+        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(self._named(names)))
         wanted = message.vehicles or tuple(self.file.vehicles)
         from_s = self.session.clock()
         deadline_s = from_s + timeout_s

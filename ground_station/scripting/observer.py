@@ -13,7 +13,6 @@ from rcopterx.bus.subscription import Inbox, UnitSubscriptions
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.joining import WrongFleetError, as_running, check_identity
-from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import (
     capacity_notes,
     clock_differences,
@@ -121,6 +120,14 @@ class Observer:
         """Leave the bus; the fleet flies on."""
         self.session.close()
 
+    def _named(self, names: Iterable[str]) -> list[str]:
+        """Return the named vehicles, or the one that a text names; KeyError if there is none of a name."""
+        vehicles = [names] if isinstance(names, str) else list(names)
+        for name in vehicles:
+            if name not in self.file.vehicles:
+                raise KeyError(f"no vehicle {name!r}, known are {', '.join(self.file.vehicles)}")
+        return vehicles
+
     def state_of(self, name: str) -> VehicleState:
         """Present state of a vehicle."""
         now_s = self.session.clock()
@@ -208,7 +215,7 @@ class Observer:
 
     def problems(self, names: Iterable[str] | None = None) -> list[str]:
         """Problems that block take-off, one line each."""
-        vehicles = self.present() if names is None else named(self.file, names)
+        vehicles = self.present() if names is None else self._named(names)
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         found += [line for name in vehicles for line in self.state_of(name).problems()]
@@ -281,7 +288,7 @@ class Observer:
 
         Without names it waits for all vehicles and the Vicon gateway.
         """
-        wanted = None if names is None else named(self.file, names)
+        wanted = None if names is None else self._named(names)
 
         def complete() -> bool:
             states = [self.state_of(name) for name in (self.present() if wanted is None else wanted)]
@@ -295,12 +302,9 @@ class Observer:
     ) -> None:
         """Wait until a condition on the fleet's state holds.
 
-        Raises
-        ------
-        NotReachedError
-            It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
+        Raises `NotReachedError` after `timeout_s`; the text names `what` and the state of the vehicles `names`.
         """
-        vehicles = named(self.file, names)
+        vehicles = self._named(names)
         if not self._notifier.wait_until(condition, timeout_s):
             states = "; ".join(self.state_of(name).summary() for name in vehicles)
             raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
@@ -312,7 +316,7 @@ class Observer:
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until nothing blocks take-off, for processes that start never less than in real time."""
-        vehicles = None if names is None else named(self.file, names)
+        vehicles = None if names is None else self._named(names)
         self._wait_for_none(lambda: self.problems(vehicles), self._starting_s(timeout_s), "not ready")
 
     def wait_for_phase(self, phase: str, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
@@ -326,7 +330,7 @@ class Observer:
             There is no such phase.
         """
         wanted = Phase(phase)
-        vehicles = None if names is None else named(self.file, names)
+        vehicles = None if names is None else self._named(names)
 
         def missing() -> list[str]:
             states = [self.state_of(name) for name in (self.present() if vehicles is None else vehicles)]
@@ -339,10 +343,7 @@ class Observer:
     ) -> None:
         """Wait until followers, by default all, are at their places and their offsets at rest.
 
-        Raises
-        ------
-        NotReachedError
-            They were not within `timeout_s`; says what is missing of each.
+        Raises `NotReachedError` after `timeout_s`, which says what is missing of each.
         """
         self._wait_for_places(
             names, lambda state: formation_problem(state, tolerance_m), timeout_s, followers=True
@@ -353,10 +354,7 @@ class Observer:
     ) -> None:
         """Wait until vehicles, by default all that do not follow, are at their set points.
 
-        Raises
-        ------
-        NotReachedError
-            They were not within `timeout_s`; says how far each one is away.
+        Raises `NotReachedError` after `timeout_s`, which says how far each one is away.
         """
         self._wait_for_places(
             names, lambda state: arrival_problem(state, tolerance_m), timeout_s, followers=False
@@ -371,7 +369,7 @@ class Observer:
     ) -> None:
         """Wait until new states show no problem of any vehicle, or of all followers, or of all others."""
         what = "no formation" if followers else "not there"
-        wanted = self.present() if names is None else named(self.file, names)
+        wanted = self.present() if names is None else self._named(names)
         from_s = self.session.clock() + UNDER_WAY_S
 
         def problem_of(name: str) -> str:
