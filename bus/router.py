@@ -17,7 +17,6 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.endpoints import Protection, client_config, open_session, reason_of, router_config
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.keys import probe_key
-from rcopterx.bus.links import LinkService
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.requests import IdentifyReply
 
@@ -62,6 +61,9 @@ def run_router(
             _identify(session, identity)
             fleet, host = identity.fleet, identity.host
             if others:
+                # Imported here: fleets on one computer have no links.
+                from rcopterx.bus.links import LinkService
+
                 stack.callback(LinkService(session, fleet, host, others, speed=clock.speed).close)
             ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials, patient=clock.lockstep)
             probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S), own_heartbeat())

@@ -14,6 +14,13 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
     modules = ["rcopterx.deploy.roles.run"]
     for spec in specs:
         modules.append(f"rcopterx.deploy.roles.{spec.role}")
+        # What these import at their start only in some fleets.
+        if spec.role == "router" and len(fleet.hosts) > 1:
+            modules.append("rcopterx.bus.links")
+        if spec.role == "router" and fleet.security.certificates is not None:
+            modules.append("rcopterx.deploy.certificates.seats")
+        if spec.role == "tracker" and fleet.tracker.brand != "vicon":
+            modules.append("rcopterx.vicon_gateway.brands")
         if spec.role == "transmitters":
             # Libraries of some take half a second.
             modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]

@@ -19,7 +19,6 @@ from rcopterx.formation.placement import Room, take_off_problem
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
-from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, arrived_after
 from rcopterx.vehicles.phases import AIRBORNE
@@ -101,6 +100,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         RefusedError
             It cannot be done; nothing has changed.
         """
+        # Imported here and below: few programs change leaders.
+        from rcopterx.ground_station.scripting.regroup import regroup, role, swapped
+
         self.wait_for_status()  # of all vehicles, since links of all of them decide who gets other leaders
         statuses = self.statuses()
         change, where = swapped(statuses, first, second)
@@ -109,6 +111,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
+        from rcopterx.ground_station.scripting.regroup import formation_leader
+
         self.wait_for_status()
         return self.swap(formation_leader(self.statuses(), name), name)
 

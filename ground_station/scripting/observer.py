@@ -302,7 +302,7 @@ class Observer:
     ) -> None:
         """Wait until a condition on the fleet's state holds.
 
-        Raises `NotReachedError` after `timeout_s`; the text names `what` and the state of the vehicles `names`.
+        Raises `NotReachedError` after `timeout_s`, which names `what` and the state of the vehicles `names`.
         """
         vehicles = self._named(names)
         if not self._notifier.wait_until(condition, timeout_s):

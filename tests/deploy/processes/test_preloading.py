@@ -48,3 +48,13 @@ def test_libraries_of_the_radios_are_imported_before_a_gateway_is_needed() -> No
 
 def test_controllers_of_other_packages_are_left_to_the_agents() -> None:
     assert modules(PAIR + 'control = { controller = "another_packages" }') == modules(PAIR)
+
+
+def test_what_only_some_fleets_need_at_the_start_of_a_process_is_imported_for_them() -> None:
+    links, seats, brands = (
+        "rcopterx.bus.links", "rcopterx.deploy.certificates.seats", "rcopterx.vicon_gateway.brands",
+    )  # fmt: skip
+    assert not {links, seats, brands} & set(modules(PAIR))
+    assert links in modules(PAIR + 'host = "roof"\n[hosts.main]\n[hosts.roof]\naddress = "127.0.0.2"')
+    assert seats in modules(PAIR + '[security]\ncertificates = "/tmp/certificates"')
+    assert brands in modules(PAIR + '[tracker]\nbrand = "vicon_sdk"\nrate_hz = 50')
