@@ -29,7 +29,7 @@ from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import CommandTiming, Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.session import Session
-from rcopterx.bus.stepping import StepBus, SteppedSession
+from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.interfaces import Measurement
 
@@ -341,7 +341,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus) as session:
         agent = Agent(
-            settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit(settings.bus.clock.speed)
+            settings, pilot, StepBus(session), realtime, limit=AlarmTimeLimit(settings.bus.clock.speed)
         )
         session.finish_first(agent.wait_for_work)
         heartbeat = own_heartbeat()

@@ -7,7 +7,7 @@ import secrets
 import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 from msgspec import Struct
 
@@ -28,53 +28,6 @@ REQUEST: Final = "request"
 LIFE_BITS: Final = 53  # integers of this size are exact in every language
 
 
-class StepBus(Protocol):
-    """The bus for a process that works in steps; methods without details are those of `Session`.
-
-    `life` is a random number of the process; the code that removes one of `requests` must answer it.
-    """
-
-    life: int
-    requests: list[Incoming]
-    events: set[str]
-    """Events inside the process that take effect in this step; see `note`."""
-
-    def clock(self) -> float:
-        """Return the time at which the present step began [monotonic s]."""
-
-    def begin_step(self) -> float:
-        """Deliver the input that has arrived and return the time at which the step begins [monotonic s]."""
-
-    def end_step(
-        self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
-    ) -> None:
-        """Publish the inputs of the steps since the last publication, under the vehicle's name.
-
-        `estimate` has the 16 values of `RoundedEstimate` after a control period; see `AgentSteps.overtime`.
-        """
-
-    def publish_steps(self, enabled: bool) -> None:
-        """Switch the publication of steps on or off; steps in between leave a gap in the numbers."""
-
-    def note(self, event: str) -> None:
-        """Let an event inside the process take effect with the next step. Any thread may call this."""
-
-    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
-        """Receive a channel of one unit."""
-
-    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
-        """Receive a channel of every unit; return their inboxes."""
-
-    def publish(self, channel: Channel[M], unit: str, message: M) -> None:
-        """Send a message."""
-
-    def serve(self, unit: str, verbs: list[str]) -> None:
-        """Accept requests."""
-
-    def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """Send a request and wait for the reply; only while the process is set up."""
-
-
 class _Input(Struct, frozen=True):
     """Input of the next step: a message for an inbox, a request, or an event of the process itself."""
 
@@ -93,8 +46,12 @@ class _Input(Struct, frozen=True):
         return f"{REQUEST}/{self.request}" if self.request else self.event
 
 
-class SteppedSession:
-    """A session whose messages and requests wait for the next step; methods as in `StepBus`."""
+class StepBus:
+    """A session whose messages and requests wait for the next step; methods without details are its own.
+
+    `life` is a random number of the process; the code that removes one of `requests` must answer it; `events`
+    inside the process take effect in this step, see `note`.
+    """
 
     def __init__(self, session: Session) -> None:
         self.life = secrets.randbits(LIFE_BITS)
@@ -114,11 +71,11 @@ class SteppedSession:
         self._replies: list[bytes] = []
 
     def clock(self) -> float:
-        """See `StepBus.clock`."""
+        """Return the time at which the present step began [monotonic s]."""
         return self._now_s
 
     def begin_step(self) -> float:
-        """See `StepBus.begin_step`."""
+        """Deliver the input that has arrived and return the time at which the step begins [monotonic s]."""
         self.events = set()
         before = len(self._inputs)
         for _ in range(len(self._waiting)):
@@ -140,7 +97,10 @@ class SteppedSession:
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
-        """See `StepBus.end_step`."""
+        """Publish the inputs of the steps since the last publication, under the vehicle's name.
+
+        `estimate` has the 16 values of `RoundedEstimate` after a control period; see `AgentSteps.overtime`.
+        """
         self._overtime += [(len(self._begins_s) - 1, *given_up) for given_up in overtime]
         if estimate is None and len(self._begins_s) < STEPS_PER_MESSAGE:
             return
@@ -168,20 +128,20 @@ class SteppedSession:
         )
 
     def publish_steps(self, enabled: bool) -> None:
-        """See `StepBus.publish_steps`."""
+        """Switch the publication of steps on or off; steps in between leave a gap in the numbers."""
         self._publishing = enabled
 
     def note(self, event: str) -> None:
-        """See `StepBus.note`."""
+        """Let an event inside the process take effect with the next step. Any thread may call this."""
         self._waiting.append(_Input(b"", self._session.clock(), event=event))
         self._session.wake()
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
-        """See `StepBus.subscribe`."""
+        """Receive a channel of one unit."""
         return self._session.subscribe(channel, unit, depth, waking=waking, deliver=self._deliverer())
 
     def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
-        """See `StepBus.subscribe_all`."""
+        """Receive a channel of every unit; return their inboxes."""
         return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer()).inboxes
 
     def _deliverer(self) -> Deliver:
@@ -195,15 +155,15 @@ class SteppedSession:
         return deliver
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
-        """See `StepBus.publish`."""
+        """Send a message."""
         self._session.publish(channel, unit, message)
 
     def serve(self, unit: str, verbs: list[str]) -> None:
-        """See `StepBus.serve`."""
+        """Accept requests."""
         self._session.serve(unit, verbs)
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """See `StepBus.request`."""
+        """Send a request and wait for the reply; only while the process is set up."""
         reply = self._session.request(unit, request, timeout_s, patience_s)
         self._replies.append(encode(reply))
         return reply

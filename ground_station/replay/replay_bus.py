@@ -8,15 +8,15 @@ from rcopterx.bus.codec import decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
 from rcopterx.bus.session import Incoming, RequestFailedError
-from rcopterx.bus.stepping import REQUEST
+from rcopterx.bus.stepping import REQUEST, StepBus
 from rcopterx.bus.subscription import Inbox, Waking
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 
 M = TypeVar("M", bound=Message)
 
 
-class ReplayBus:
-    """Implements `StepBus` from the life of a recorded agent; `published` gets every message it sends."""
+class ReplayBus(StepBus):
+    """A bus without a session: inputs are those of a recorded agent, `published` gets what it sends."""
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
         self.life = life.life
@@ -25,7 +25,7 @@ class ReplayBus:
         self._now_s = life.began_s
         self._granted = life.granted
         self._replies = list(life.replies)
-        self._subscriptions: list[Callable[[str], Inbox[Any] | None]] = []  # inbox of a unit, if subscribed
+        self._inboxes: list[Callable[[str], Inbox[Any] | None]] = []  # inbox of a unit, if subscribed
         self.requests: list[Incoming] = []
         self.events: set[str] = set()
         self._step: AgentStep | None = None
@@ -34,10 +34,6 @@ class ReplayBus:
     def take(self, step: AgentStep) -> None:
         """Set the inputs of the next step."""
         self._step = step
-
-    def clock(self) -> float:
-        """See `StepBus.clock`."""
-        return self._now_s
 
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
@@ -56,8 +52,8 @@ class ReplayBus:
                 self.requests.append(
                     Incoming("", rest, request, item.payload, item.arrived_s, lambda _: None)
                 )
-            elif item.subscription <= len(self._subscriptions):
-                inbox = self._subscriptions[item.subscription - 1](head)
+            elif item.subscription <= len(self._inboxes):
+                inbox = self._inboxes[item.subscription - 1](head)
                 if inbox is not None:
                     inbox.store(item.payload, item.arrived_s)
         self._step = None
@@ -69,9 +65,6 @@ class ReplayBus:
         """See `StepBus.end_step`."""
         self.estimate = estimate
 
-    def publish_steps(self, enabled: bool) -> None:
-        """See `StepBus.publish_steps`; a replay publishes none."""
-
     def note(self, event: str) -> None:
         """See `StepBus.note`; the flight log has the time of its effect."""
 
@@ -81,14 +74,14 @@ class ReplayBus:
         inbox = Inbox(channel, depth, unit)
         if channel is LEASE and self._granted is not None:
             inbox.store(self._granted, self._now_s)
-        self._subscriptions.append({unit: inbox}.get)
+        self._inboxes.append({unit: inbox}.get)
         return inbox
 
     def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
         """See `StepBus.subscribe_all`."""
         del waking
         inboxes: dict[str, Inbox[M]] = {}
-        self._subscriptions.append(lambda unit: inboxes.setdefault(unit, Inbox(channel, 1, unit)))
+        self._inboxes.append(lambda unit: inboxes.setdefault(unit, Inbox(channel, 1, unit)))
         return inboxes
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:

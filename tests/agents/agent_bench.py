@@ -15,7 +15,7 @@ from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Lease, Pose
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.bus.stepping import SteppedSession
+from rcopterx.bus.stepping import StepBus
 from rcopterx.formation.placement import Room
 
 HOVER = COAXIAL_LAG.hover_input
@@ -51,7 +51,7 @@ class Bench:
         self.lease = LEASE
         """What the gateway answers to bids; 0 for another agent commands."""
         self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
-        self.bus = SteppedSession(join(clock=self.clock))
+        self.bus = StepBus(join(clock=self.clock))
         # Not the default: on a busy computer the agent would leave out statuses.
         self.agent = Agent(self.settings, self.pilot, self.bus, realtime=False, stopwatch=self.clock)
         self.frame = 100

@@ -19,7 +19,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
 from rcopterx.bus.session import BusAddress, RequestFailedError
-from rcopterx.bus.stepping import SteppedSession
+from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.wakeup import Wakeup
 
 
@@ -300,7 +300,7 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_address: BusAddress) -> None:
     bench, wakeup = Bench(join, bus_address), Wakeup()
     agent = Agent(
-        bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, waiter=wakeup)), realtime=False
+        bench.settings, bench.pilot, StepBus(join(clock=bench.clock, waiter=wakeup)), realtime=False
     )
     wakeup.wait(0.0)
     agent.tuning.begin(agent.tuning.configuration.changed("lqr", {}, None, {}))

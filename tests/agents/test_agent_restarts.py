@@ -17,7 +17,7 @@ from rcopterx.bus.intent import Intent
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import GoTo, RecallReply
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.bus.stepping import SteppedSession
+from rcopterx.bus.stepping import StepBus
 
 
 def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:
@@ -67,7 +67,7 @@ def successor(join: Join, address: BusAddress, intent: Intent) -> Bench:
             """The agent asked before anybody served; ask again as its successor would."""
             if bench.agent.handover.predecessor is None:
                 bench.agent = Agent(
-                    bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock)), realtime=False
+                    bench.settings, bench.pilot, StepBus(join(clock=bench.clock)), realtime=False
                 )
             return bench.agent.handover.predecessor == intent
 

@@ -17,7 +17,7 @@ from rcopterx.bus.message import InvalidMessageError, Message
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.requests import Land, Recall, RecallReply, Request
 from rcopterx.bus.session import Incoming, Session
-from rcopterx.bus.stepping import STEPS_PER_MESSAGE, SteppedSession
+from rcopterx.bus.stepping import STEPS_PER_MESSAGE, StepBus
 from rcopterx.bus.subscription import Inbox
 
 ESTIMATE = [float(number) for number in range(16)]
@@ -66,17 +66,15 @@ def session() -> FakeSession:
 
 
 @pytest.fixture
-def stepped(session: FakeSession) -> SteppedSession:
-    return SteppedSession(cast(Session, session))
+def stepped(session: FakeSession) -> StepBus:
+    return StepBus(cast(Session, session))
 
 
 def pose(frame: int) -> Pose:
     return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
 
 
-def test_what_arrives_during_a_step_waits_for_the_next_one(
-    session: FakeSession, stepped: SteppedSession
-) -> None:
+def test_what_arrives_during_a_step_waits_for_the_next_one(session: FakeSession, stepped: StepBus) -> None:
     inbox = stepped.subscribe(channels.POSE, "h1")
     began_s = stepped.begin_step()
     session.clock.advance(1.0)
@@ -89,7 +87,7 @@ def test_what_arrives_during_a_step_waits_for_the_next_one(
     assert received.message.frame == 2
 
 
-def test_an_event_takes_effect_in_the_next_step_only(stepped: SteppedSession) -> None:
+def test_an_event_takes_effect_in_the_next_step_only(stepped: StepBus) -> None:
     stepped.begin_step()
     stepped.note("event")
     assert "event" not in stepped.events
@@ -100,7 +98,7 @@ def test_an_event_takes_effect_in_the_next_step_only(stepped: SteppedSession) ->
 
 
 def test_steps_of_a_real_session_are_published(join: Callable[..., Session]) -> None:
-    stepped, other = SteppedSession(join()), join()
+    stepped, other = StepBus(join()), join()
     inbox, steps = stepped.subscribe(channels.POSE, "h1"), other.subscribe(channels.AGENT_STEPS, "h1")
 
     def arrived() -> bool:
@@ -127,7 +125,7 @@ def test_an_estimate_that_is_no_number_is_published_as_far_away(place: int) -> N
     assert np.delete(rounded, place).tolist() == [1.0] * 15
 
 
-def test_columns_of_inputs_belong_together(session: FakeSession, stepped: SteppedSession) -> None:
+def test_columns_of_inputs_belong_together(session: FakeSession, stepped: StepBus) -> None:
     stepped.subscribe(channels.POSE, "h9")
     inbox = stepped.subscribe(channels.POSE, "h1", depth=4)
     for frame in (1, 2):
@@ -146,7 +144,7 @@ def test_columns_of_inputs_belong_together(session: FakeSession, stepped: Steppe
 
 
 def test_what_was_given_up_for_time_is_published_with_its_step(
-    session: FakeSession, stepped: SteppedSession
+    session: FakeSession, stepped: StepBus
 ) -> None:
     for overtime in ([(3, 2)], [], [(1, 0), (4, 7)]):
         stepped.begin_step()
@@ -158,7 +156,7 @@ def test_what_was_given_up_for_time_is_published_with_its_step(
 
 
 def test_a_process_without_control_periods_publishes_its_steps_in_groups(
-    session: FakeSession, stepped: SteppedSession
+    session: FakeSession, stepped: StepBus
 ) -> None:
     for _ in range(2 * STEPS_PER_MESSAGE):
         stepped.begin_step()
@@ -168,7 +166,7 @@ def test_a_process_without_control_periods_publishes_its_steps_in_groups(
 
 
 def test_steps_that_are_not_published_leave_a_gap_in_the_numbers(
-    session: FakeSession, stepped: SteppedSession
+    session: FakeSession, stepped: StepBus
 ) -> None:
     for enabled in (True, False, True):
         stepped.publish_steps(enabled)
@@ -177,7 +175,7 @@ def test_steps_that_are_not_published_leave_a_gap_in_the_numbers(
     assert [message.number for message in session.published] == [0, 2]
 
 
-def test_replies_are_published(session: FakeSession, stepped: SteppedSession) -> None:
+def test_replies_are_published(session: FakeSession, stepped: StepBus) -> None:
     session.replies.append(RecallReply(accepted=True, age_s=2.0))
     reply = stepped.request("h1", Recall(vehicle="h1"))
     stepped.begin_step()
@@ -186,7 +184,7 @@ def test_replies_are_published(session: FakeSession, stepped: SteppedSession) ->
     assert [decode(payload, RecallReply) for payload in message.replies] == [reply]
 
 
-def test_requests_are_inputs(session: FakeSession, stepped: SteppedSession) -> None:
+def test_requests_are_inputs(session: FakeSession, stepped: StepBus) -> None:
     session.incoming.append(Incoming("h1", "land", Land(), encode(Land()), 0.0, lambda _: None))
     stepped.begin_step()
     assert isinstance(stepped.requests[0].request, Land)
@@ -195,7 +193,7 @@ def test_requests_are_inputs(session: FakeSession, stepped: SteppedSession) -> N
 
 
 def test_a_real_session_answers_requests_of_steps(join: Callable[..., Session]) -> None:
-    server, client = join(), SteppedSession(join())
+    server, client = join(), StepBus(join())
     server.serve("h1", ["recall"])
     with answering(server, lambda _: RecallReply(accepted=True, age_s=2.0)):
         reply = client.request("h1", Recall(vehicle="h1"), timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
