@@ -10,10 +10,12 @@ from typing import Final
 import numpy as np
 from scipy.linalg import expm
 
-from rcopterx.compiling.compiled import ANY_VECTOR, MATRIX, VECTOR, compiled
+from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, VECTOR, compiled
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lateral import (
+    CORE_FROM,
+    LATERAL_STEP,
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
@@ -22,8 +24,8 @@ from rcopterx.control.models.lateral import (
     predict_lateral,
 )
 from rcopterx.control.models.linear import PERIOD_DIGITS, noise_over
-from rcopterx.control.models.prediction import predict
-from rcopterx.vehicles.model import Model
+from rcopterx.control.models.prediction import MOTION_MODEL, integrate_motion, steps_in
+from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import (
     INPUT_SIZE,
     MOTION_SIZE,
@@ -40,7 +42,6 @@ from rcopterx.vehicles.state import (
     body_motion,
     heading_matrix,
     inertial_rates,
-    turned_about_z,
 )
 
 
@@ -64,8 +65,8 @@ def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
 
 
 @compiled(VECTOR, MATRIX, MATRIX, *3 * [VECTOR])
-def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> tuple[Array, Array]:
-    """Return state and covariance after measurements z = H x + noise.
+def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> None:
+    """Update state and covariance by measurements z = H x + noise.
 
     The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
 
@@ -74,7 +75,7 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> tu
     positive definite.
     """
     size = len(x)
-    x, P, PH = x.copy(), P.copy(), np.empty(size)
+    PH = np.empty(size)
     for row in range(len(H)):
         S, innovation = R[row], z[row]
         for i in range(size):
@@ -92,7 +93,6 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> tu
                 P[j, i] = P[i, j]
     for i in range(size):
         x[i] = min(max(x[i], -limit[i]), limit[i])
-    return x, P
 
 
 SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE  # motion, actuators, disturbances
@@ -138,6 +138,25 @@ def jacobian(at_rest: Array, start: Array, end: Array) -> Array:
     # Everything else turns with the vehicle, so a turned start turns the displacement.
     F[X, YAW], F[Y, YAW] = start[Y] - end[Y], end[X] - start[X]
     return F
+
+
+@compiled(MOTION_MODEL, VECTOR, *3 * [MATRIX], ANY_VECTOR, NUMBER, COUNT)
+def _predict_lags(
+    model: MotionModel,
+    x: Array,
+    P: Array,
+    at_rest: Array,
+    Q: Array,
+    applied_input: Array,
+    step_s: float,
+    steps: int,
+) -> None:
+    """Predict state and covariance of a `LagFilter`: x = f(x, u), P = F P F' + Q."""
+    before = x[:MOTION_SIZE].copy()
+    actuator, disturbance = x[MOTION_SIZE : MOTION_SIZE + INPUT_SIZE], x[MOTION_SIZE + INPUT_SIZE :]
+    motion, actuator[:] = integrate_motion(model, before, actuator, applied_input, disturbance, step_s, steps)
+    P[:] = predict_covariance(P, jacobian(at_rest, before, motion), Q)
+    x[:MOTION_SIZE] = motion
 
 
 _START_DEVIATION: Final = np.array(
@@ -202,15 +221,14 @@ class LagFilter:
         self.x[DISTURBANCE] = np.clip(disturbance, -limit, limit)
 
     def predict(self, applied_input: Array, period_s: float) -> None:
-        """Predict by one period: x = f(x, u), P = F P F' + Q."""
-        before, (at_rest, Q) = self.estimate, self._prepared(round(period_s, PERIOD_DIGITS))
-        after = predict(self._model, before, applied_input, period_s)
-        self.P = predict_covariance(self.P, jacobian(at_rest, before.motion, after.motion), Q)
-        self.x = np.concatenate(after[:3])
+        """Predict by one period."""
+        at_rest, Q = self._prepared(round(period_s, PERIOD_DIGITS))
+        model, steps = self._model.motion_model, steps_in(period_s)
+        _predict_lags(model, self.x, self.P, at_rest, Q, applied_input, period_s / steps, steps)
 
     def correct(self, pose: Array, R: Array) -> None:
         """Correct by a pose (position and unwrapped yaw) with variances R, both of shape (4,)."""
-        self.x, self.P = update(self.x, self.P, _H, R, pose, self._limit)
+        update(self.x, self.P, _H, R, pose, self._limit)
 
 
 TRIM_LIMIT: Final = 0.3
@@ -231,6 +249,26 @@ _START_OFFSET_RAD: Final = 0.05
 _TRIM_DENSITY: Final = 0.002
 _OFFSET_DENSITY: Final = 0.0005
 _SERVO_DENSITY: Final = 0.01
+
+
+@compiled(LATERAL_STEP, VECTOR, MATRIX, MATRIX, ANY_VECTOR, NUMBER)
+def _predict_tilt(step: LateralStep, x: Array, P: Array, Q: Array, stick: Array, yaw_rad: float) -> None:
+    """Predict state and covariance of a `TiltFilter`: P = F P F' + Q."""
+    x[:], F = predict_lateral(step, x, stick, yaw_rad)
+    P[:] = predict_covariance(P, F, Q)
+
+
+@compiled(VECTOR, MATRIX, MATRIX, VECTOR, ANY_VECTOR, VECTOR, NUMBER)
+def _correct_tilt(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array, yaw_rad: float) -> None:
+    """Correct a `TiltFilter` by a position and a tilt, as far as it is measured and plausible."""
+    measured, offset = len(z), len(x) - 2
+    if measured > 2:
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        H[2, offset], H[2, offset + 1], H[3, offset], H[3, offset + 1] = c, -s, s, c
+        along, across = c * x[offset] - s * x[offset + 1], s * x[offset] + c * x[offset + 1]
+        if not max(abs(z[2] - x[CORE_FROM] - along), abs(z[3] - x[CORE_FROM + 1] - across)) <= TILT_GATE:
+            measured = 2
+    update(x, P, H[:measured], R[:measured], z[:measured].copy(), limit)
 
 
 class TiltFilter:
@@ -326,10 +364,9 @@ class TiltFilter:
         self.x[servo] = target + pole * (self.x[servo] - target)
 
     def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
-        """Predict by one period at a heading: P = F P F' + Q."""
+        """Predict by one period at a heading."""
         step, Q = self._prepared(round(period_s, PERIOD_DIGITS))
-        self.x, F = predict_lateral(step, self.x, stick, yaw_rad)
-        self.P = predict_covariance(self.P, F, Q)
+        _predict_tilt(step, self.x, self.P, Q, stick, yaw_rad)
 
     def _prepare(self, period_s: float) -> tuple[LateralStep, Array]:
         """Return the parameters of a period, and the covariance Q that it adds."""
@@ -341,13 +378,8 @@ class TiltFilter:
 
         Raises `numpy.linalg.LinAlgError`: the covariance of the innovation is not positive definite.
         """
-        H, R, z = self._H[:2], self.R[:2], position_m
-        if tilt is not None:
-            offset = turned_about_z(self.x[self._offset], yaw_rad)
-            if max(map(abs, (tilt - self.tilt - offset).tolist())) <= TILT_GATE:
-                H, R, z = self._H.copy(), self.R, np.concatenate((position_m, tilt))
-                H[2:, self._offset] = heading_matrix(yaw_rad)
-        self.x, self.P = update(self.x, self.P, H, R, z, self._limit)
+        z = position_m if tilt is None else np.concatenate((position_m, tilt))
+        _correct_tilt(self.x, self.P, self._H, self.R, z, self._limit, yaw_rad)
 
     def forget_offset(self) -> None:
         """Forget the offset of the body frame, as the measured tilts were wrong."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compiled, part, record
 from rcopterx.control.interfaces import Estimate, TiltEstimate
-from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system, predict_lateral
+from rcopterx.control.models.lateral import LATERAL_STEP, LateralStep, lateral_system, predict_lateral
 from rcopterx.control.models.linear import PERIOD_DIGITS
 from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import (
@@ -24,7 +24,6 @@ from rcopterx.vehicles.state import (
     X,
     Y,
     Z,
-    turned_about_z,
 )
 
 TILT_ESTIMATE: Final[Any] = record(TiltEstimate, *4 * [ANY_VECTOR])
@@ -106,6 +105,13 @@ def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: 
     return rates
 
 
+@part
+def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    """Return a vector turned by an angle."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return c * x - s * y, s * x + c * y
+
+
 @compiled(MOTION_MODEL, *4 * [ANY_VECTOR], NUMBER, COUNT)
 def integrate_motion(
     model: MotionModel,
@@ -160,30 +166,48 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
 
     `applied_input` acts at the actuators (the transport delay has passed), shape (4,).
     """
-    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
-    motion, actuator = integrate_motion(
-        model.motion_model,
-        estimate.motion,
-        estimate.actuator,
-        applied_input,
-        estimate.disturbance,
-        period_s / steps,
-        steps,
+    steps = steps_in(period_s)
+    if model.tilt is None or not len(estimate.tilt.core):
+        motion, actuator = integrate_motion(
+            model.motion_model,
+            estimate.motion,
+            estimate.actuator,
+            applied_input,
+            estimate.disturbance,
+            period_s / steps,
+            steps,
+        )
+        return Estimate(motion, actuator, estimate.disturbance)
+    system = lateral_system(model, round(period_s, PERIOD_DIGITS))
+    motion, actuator, x = _predict_tilted(
+        model.motion_model, system.step, estimate, applied_input, period_s / steps, steps
     )
-    predicted = Estimate(motion, actuator, estimate.disturbance)
-    if model.tilt is None or not estimate.has_tilt:
-        return predicted
-    return _with_tilt(model, estimate, predicted, applied_input[:2], period_s)
+    return Estimate(motion, actuator, estimate.disturbance, system.tilt_estimate(x))
 
 
-def _with_tilt(
-    model: Model, estimate: Estimate, predicted: Estimate, stick: Array, period_s: float
-) -> Estimate:
-    """Replace the predicted horizontal motion by that of the tilt model."""
-    system, motion = lateral_system(model, round(period_s, PERIOD_DIGITS)), predicted.motion
-    start_rad, end_rad = float(estimate.motion[YAW]), float(motion[YAW])
-    velocity = turned_about_z(estimate.motion[XD_BODY : YD_BODY + 1], start_rad)
-    x = np.concatenate((estimate.motion[POSITION], velocity, *estimate.tilt))
-    x, _ = predict_lateral(system.step, x, stick, 0.5 * (start_rad + end_rad))
-    motion[POSITION], motion[XD_BODY : YD_BODY + 1] = x[POSITION], turned_about_z(x[VELOCITY], -end_rad)
-    return Estimate(motion, predicted.actuator, predicted.disturbance, system.tilt_estimate(x))
+def steps_in(period_s: float) -> int:
+    """Return into how many steps a period is split."""
+    return max(1, math.ceil(period_s / LONGEST_STEP_S))
+
+
+@compiled(MOTION_MODEL, LATERAL_STEP, ESTIMATE, ANY_VECTOR, NUMBER, COUNT)
+def _predict_tilted(
+    model: MotionModel,
+    lateral: LateralStep,
+    estimate: Estimate,
+    applied_input: Array,
+    step_s: float,
+    steps: int,
+) -> tuple[Array, Array, Array]:
+    """Return motion, actuators and the lateral state, which the horizontal motion follows."""
+    before, (core, servo, wind, trim) = estimate.motion, estimate.tilt
+    motion, actuator = integrate_motion(
+        model, before, estimate.actuator, applied_input, estimate.disturbance, step_s, steps
+    )
+    start_rad, end_rad = before[YAW], motion[YAW]
+    velocity = _turned(before[XD_BODY], before[YD_BODY], start_rad)
+    x = np.concatenate((before[:2], np.array(velocity), core, servo, wind, trim))
+    x, _ = predict_lateral(lateral, x, applied_input[:2], 0.5 * (start_rad + end_rad))
+    motion[X], motion[Y] = x[X], x[Y]
+    motion[XD_BODY], motion[YD_BODY] = _turned(x[2], x[3], -end_rad)
+    return motion, actuator, x

@@ -20,7 +20,8 @@ def test_an_update_weighs_estimate_and_measurement_by_their_information(
     rng = np.random.default_rng(seed)
     x, P, H = rng.normal(size=size), positive(rng, size), rng.normal(size=(measured, size))
     R, z = rng.uniform(0.1, 2.0, measured), rng.normal(size=measured)
-    found, covariance = update(x, P, H, R, z, np.full(size, np.inf))
+    found, covariance = x.copy(), P.copy()
+    update(found, covariance, H, R, z, np.full(size, np.inf))
     information = np.linalg.inv(P) + H.T @ np.diag(1.0 / R) @ H
     expected = np.linalg.solve(information, np.linalg.solve(P, x) + H.T @ (z / R))
     np.testing.assert_allclose(found, expected, atol=1e-7)
@@ -41,7 +42,8 @@ def test_a_covariance_that_is_not_positive_is_an_error() -> None:
 
 def test_an_update_keeps_states_within_their_limits() -> None:
     z, limit = np.array([5.0, -5.0, 5.0]), np.array([1.0, 2.0, np.inf])
-    found, _ = update(np.zeros(3), np.eye(3), np.eye(3), np.ones(3), z, limit)
+    found, unknown = np.zeros(3), np.zeros(3)
+    update(found, np.eye(3), np.eye(3), np.ones(3), z, limit)
     np.testing.assert_array_equal(found, [1.0, -2.0, 2.5])
-    unknown, _ = update(np.zeros(3), np.eye(3), np.eye(3), np.ones(3), z * np.nan, limit)
+    update(unknown, np.eye(3), np.eye(3), np.ones(3), z * np.nan, limit)
     assert np.isnan(unknown).all()
