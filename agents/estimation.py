@@ -47,8 +47,9 @@ class EstimatorGuard:
     @property
     def events(self) -> Mapping[str, int]:
         """Failures by kind, the events that the estimator counts, and jumps that it has accepted."""
-        accepted = Counter(jump_accepted=getattr(self._estimator, "restarts", 0))
-        return self.calls.failures + Counter(getattr(self._estimator, "events", {})) + accepted
+        accepted = {"jump_accepted": getattr(self._estimator, "restarts", 0)}
+        counts = {**self.calls.failures, **getattr(self._estimator, "events", {}), **accepted}
+        return {kind: count for kind, count in counts.items() if count}
 
     def position_deviation_m(self) -> Array | None:
         """Return the standard deviations of the position; None if the estimator does not estimate them."""

@@ -164,7 +164,7 @@ class Reporter:
         position, yaw_rad = guidance.set_point()
         motion = pilot.estimate.motion if clock.started else None
         self.last_status = AgentStatus(
-            phase=guidance.phase.value,
+            phase=guidance.task.phase.value,
             epoch=clock.epoch,
             frame=clock.current_frame,
             set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),

@@ -287,7 +287,7 @@ class Handover:
     def resume_take_off(self) -> None:
         """Begin the take-off of a predecessor again, if it ended while the armed vehicle still stood."""
         intent, pilot = self.predecessor, self._pilot
-        if intent is None or pilot.guidance.phase is not Phase.ARMED:
+        if intent is None or pilot.guidance.task.phase is not Phase.ARMED:
             return
         if Phase.TAKEOFF in (intent.phase, intent.interrupted) and self._passed_s(intent) < RECENT_TAKE_OFF_S:
             pilot.take_off(intent.set_point.position_m[2] - intent.floor_m)

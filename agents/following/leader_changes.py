@@ -202,7 +202,7 @@ class LeaderChanges:
         change = self._regrouping.due(pilot.clock)
         if change is None:
             return
-        if pilot.guidance.phase is not Phase.FLYING:
+        if pilot.guidance.task.phase is not Phase.FLYING:
             # It lands meanwhile, or the transmitter gateway flies it.
             pilot.events["regrouping_missed"] += 1
             self.update_subscriptions()
@@ -241,8 +241,8 @@ class LeaderChanges:
             return "a leader is named twice"
         if isinstance(request, Follow):
             return None
-        if self.pilot.guidance.phase is not Phase.FLYING:
-            return f"leaders change together only in flight, the phase is {self.pilot.guidance.phase}"
+        if self.pilot.guidance.task.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self.pilot.guidance.task.phase}"
         if bool(names) == (request.set_point is not None):
             return "set_point: needed exactly where following is empty"
         if request.set_point is not None:

@@ -48,10 +48,10 @@ class LostLeaders:
     def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
         """Update the following mode by the leaders' newest plans; return whether the leaders change."""
         guidance = self.pilot.guidance
-        if guidance.task.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
+        if guidance.task.assigned is not self._assigned or guidance.task.phase is not Phase.FLYING:
             self._assigned, self._here_s = guidance.task.assigned, None
             self.following_mode, self._successor = FollowingMode.FOLLOW, None
-        if not guidance.task.assigned or guidance.phase is not Phase.FLYING:
+        if not guidance.task.assigned or guidance.task.phase is not Phase.FLYING:
             return False
         finding = self._finding(plans)
         policy, successor = self.succession.policy, None

@@ -244,8 +244,7 @@ class StepGuard:
             inputs[0] = hovering_input(self.model, task.estimate.motion, task.reference.samples[0, POSE])
         else:
             inputs[:, U_THRUST] = self.model.hover_thrust
-        inputs = np.clip(inputs, self.model.u_min, self.model.u_max)
-        return self._with_plan(inputs, HOVER, task)
+        return self._with_plan(self._limited(inputs), HOVER, task)
 
     def _with_plan(self, inputs: Array, fallback: str, task: _Task) -> ControlStep:
         """Return inputs and their prediction; for an unknown motion the previous plan goes on."""
@@ -261,7 +260,6 @@ class StepGuard:
         """Return a usable step, the exception of a solver without solution, or None after a failure."""
         limit = self.calls.limit
         solver_limit_s = self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
-
         result = self.calls.attempt(
             type(controller).__name__,
             STEP_SHARE * controller.period_s,
@@ -272,9 +270,12 @@ class StepGuard:
             lambda: limit.over(solver_limit_s),
         )
         if isinstance(result, ControlStep):
-            inputs = np.clip(result.inputs, self.model.u_min, self.model.u_max)
-            return replace(result, inputs=inputs)
+            return replace(result, inputs=self._limited(result.inputs))
         return result
+
+    def _limited(self, inputs: Array) -> Array:
+        """Return inputs within the limits of the vehicle."""
+        return np.clip(inputs, self.model.u_min, self.model.u_max)
 
     def _problem(self, step: object, stages: int, period_s: float) -> str | None:
         """Return the reason why a result cannot be flown; None if it can."""
@@ -292,8 +293,7 @@ class StepGuard:
             return "the plan is not finite, or beyond all reason"
         if abs(plan.period_s - period_s) > _TOLERANCE:
             return f"stages of the plan are {plan.period_s:g} s apart, not {period_s:g} s"
-        low, high = self.model.u_min - _TOLERANCE, self.model.u_max + _TOLERANCE
-        if not ((low <= inputs) & (inputs <= high)).all():
+        if not np.abs(inputs - self._limited(inputs)).max() <= _TOLERANCE:
             return "inputs are not finite, or leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):
             return f"fallback is {step.fallback!r}, neither a name nor None"

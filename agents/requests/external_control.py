@@ -29,7 +29,7 @@ class ExternalControl:
 
     def take(self, request: TakeControl) -> str | None:
         """Give control to a client; return the reason of a refusal, or None."""
-        phase = self.pilot.guidance.phase
+        phase = self.pilot.guidance.task.phase
         if phase is not Phase.FLYING:
             return f"a vehicle is handed over in flight, the phase is {phase}"
         if self.client not in ("", request.source):
@@ -79,7 +79,7 @@ class ExternalControl:
             return "external_unsafe"
         if controller.silent:
             return "external_silent"
-        return None if self.pilot.guidance.phase is Phase.FLYING else "external_ended"
+        return None if self.pilot.guidance.task.phase is Phase.FLYING else "external_ended"
 
     def after_control(self) -> None:
         """Publish the next task."""

@@ -88,7 +88,7 @@ class OscillationGuard:
         lowest = max(self._tuning.configuration.effort_factors) >= LARGEST
         if not lowest:
             self._lands = ""
-        if not lowest or self._pilot.guidance.phase is not Phase.FLYING:
+        if not lowest or self._pilot.guidance.task.phase is not Phase.FLYING:
             self._drift_s = 0.0
             return
         self._drift_s = max(0.0, self._drift_s + (period_s if off_m > DRIFT_M else -period_s))

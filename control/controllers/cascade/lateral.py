@@ -28,7 +28,7 @@ from rcopterx.control.models.lateral import CORE_FROM, lateral_system
 from rcopterx.control.references.columns import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Solution, repeated
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, Array, heading_matrix
+from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, YD_BODY, Array, heading_matrix
 
 
 @part
@@ -222,6 +222,41 @@ def demands(reference: Array, axis: int, steering: Steering, bar: Array) -> tupl
     return found, (along - share * by_bar) / (1.0 - share) / GRAVITY_M_S2, by_bar / GRAVITY_M_S2
 
 
+@part
+def state_axis(p: OptimalControlProblem, task: CascadeTask, axis: int) -> None:
+    """State references and bounds of an inertial axis, and of the body's axis and the stick of its number."""
+    limits, trim, rate, stick = task.limits, task.estimate.tilt.trim[axis], BODY_VELOCITY + axis, STICK + axis
+    slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
+    below, above = beyond(task.estimate.motion[XD_BODY + axis], slowest, fastest)
+    for k in range(len(p.r)):
+        p.r[k, axis], p.r[k, VELOCITY + axis] = task.reference[k, axis], task.reference[k, X_RATE + axis]
+        p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
+        p.low[k, rate] = slowest + task.recovery[k] * below
+        p.high[k, rate] = fastest + task.recovery[k] * above
+        p.low[k, stick] = limits.input_min[axis] + trim
+        p.high[k, stick] = limits.input_max[axis] + trim
+
+
+@part
+def turn_rows(p: OptimalControlProblem, steering: Steering, heading: Array, feed_forward: bool) -> None:
+    """Turn velocities and sticks of the body with a heading; cut demands to the bounds of the sticks."""
+    gain, demand = steering.gain, p.r[:, DEMAND:BODY_VELOCITY]
+    low, high = p.low[:, STICK:ROWS], p.high[:, STICK:ROWS]
+    for k in range(len(p.r)):
+        middle_rad = 0.5 * (heading[k] + heading[k + 1])
+        for axis in range(2):
+            x, y = 1.0 - axis, float(axis)
+            forward, left = in_body(heading[k], x, y)
+            pitch, roll = in_body(middle_rad, x, y)
+            p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
+            p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
+        if feed_forward:
+            pitch, roll = in_body(middle_rad + steering.coupling_rad, demand[k, 0], demand[k, 1])
+            pitch = gain[0] * min(max(pitch / gain[0], low[k, 0]), high[k, 0])
+            roll = gain[1] * min(max(roll / gain[1], low[k, 1]), high[k, 1])
+            demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
+
+
 @compiled(PROBLEM, TASK, STEERING, VECTOR, VECTOR, FLAG)
 def state_tilting(
     p: OptimalControlProblem,
@@ -232,53 +267,29 @@ def state_tilting(
     feed_forward: bool,
 ) -> None:
     """State the problem along a planned heading."""
-    motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
+    motion, tilt, reference = task.estimate.motion, task.estimate.tilt, task.reference
     N, gain, servo = len(p.r), steering.gain, CORE_FROM + len(tilt.core)
-    velocities = reference[:, X_RATE : X_RATE + 2]
-    measured_velocity = motion[XD_BODY : XD_BODY + 2]
     wind = p.x_0[servo + 2 : servo + 4]
     # The bar, where there is one, is the last part of the core.
     tilt_at_end, bar_at_end = p.x_end[CORE_FROM : CORE_FROM + 2], p.x_end[servo - 2 : servo]
     velocity_at_end, servo_at_end = p.x_end[VELOCITY : VELOCITY + 2], p.x_end[servo : servo + 2]
     for axis in range(2):
-        rate, stick = BODY_VELOCITY + axis, STICK + axis
-        slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
-        below, above = beyond(measured_velocity[axis], slowest, fastest)
         needed, tilt_end, bar_end = demands(reference, axis, steering, bar)
-        for k in range(N):
-            p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], velocities[k, axis]
-            p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
-            p.low[k, rate] = slowest + task.recovery[k] * below
-            p.high[k, rate] = fastest + task.recovery[k] * above
-            p.low[k, stick] = limits.input_min[axis] + tilt.trim[axis]
-            p.high[k, stick] = limits.input_max[axis] + tilt.trim[axis]
-            if feed_forward:
+        state_axis(p, task, axis)
+        p.x_0[axis], wind[axis] = motion[axis], tilt.wind_m_s2[axis]
+        p.x_end[axis], velocity_at_end[axis] = reference[N, axis], reference[N, X_RATE + axis]
+        if feed_forward:
+            for k in range(N):
                 at = min(k + steering.lead, float(N))
                 before = min(int(at), N - 1)
                 p.r[k, DEMAND + axis] = needed[before] + (at - before) * (needed[before + 1] - needed[before])
-        p.x_0[axis], wind[axis] = motion[axis], tilt.wind_m_s2[axis]
-        p.x_end[axis], velocity_at_end[axis] = reference[N, axis], velocities[N, axis]
-        if feed_forward:
             tilt_at_end[axis], servo_at_end[axis] = tilt_end, needed[N]
             if steering.creep:
                 bar_at_end[axis] = bar_end
-    demand, low, high = p.r[:, DEMAND:BODY_VELOCITY], p.low[:, STICK:ROWS], p.high[:, STICK:ROWS]
-    for k in range(N):
-        middle_rad = 0.5 * (heading[k] + heading[k + 1])
-        for axis in range(2):
-            x, y = 1.0 - axis, float(axis)
-            forward, left = in_body(heading[k], x, y)
-            pitch, roll = in_body(middle_rad, x, y)
-            p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
-            p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
-        if feed_forward:  # within the bounds of the sticks
-            pitch, roll = in_body(middle_rad + steering.coupling_rad, demand[k, 0], demand[k, 1])
-            pitch = gain[0] * min(max(pitch / gain[0], low[k, 0]), high[k, 0])
-            roll = gain[1] * min(max(roll / gain[1], low[k, 1]), high[k, 1])
-            demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
+    turn_rows(p, steering, heading, feed_forward)
     servo_at_end[0], servo_at_end[1] = in_body(steering.coupling_rad, servo_at_end[0], servo_at_end[1])
     heading_rad = motion[YAW]
-    velocity = in_body(-heading_rad, measured_velocity[0], measured_velocity[1])
+    velocity = in_body(-heading_rad, motion[XD_BODY], motion[YD_BODY])
     tilting = in_body(-heading_rad, gain[0] * tilt.servo[0], gain[1] * tilt.servo[1])
     for axis in range(2):
         p.x_0[VELOCITY + axis], p.x_0[servo + axis] = velocity[axis], tilting[axis]
