@@ -8,6 +8,7 @@ from msgspec import structs
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
+from rcopterx.radios.mavlink_parameters import ParameterCheck
 from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import AutopilotState
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
@@ -44,6 +45,7 @@ class MavlinkProtocol(SetPointRadio):
         self._mav.robust_parsing = True
         self._mode = MODES[settings.mode]
         self._state = AutopilotState(self._mode)
+        self._parameters = ParameterCheck(self._mode.autopilot, settings)
         self._sequence: int | None = None
         self._target = (settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._now_s, self._beat_s, self._requested_s = 0.0, -math.inf, -math.inf
@@ -136,6 +138,10 @@ class MavlinkProtocol(SetPointRadio):
             interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
             packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_INTERVAL_US))
             packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_SYS_STATUS, STATUS_INTERVAL_US))
+        elif not self._armed:
+            for name in self._parameters.wanted():
+                request = mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
+                packets.append(self._packed(request))
         arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         if self._arming and state.armed and state.obeys:
             self._arming = False
@@ -161,6 +167,7 @@ class MavlinkProtocol(SetPointRadio):
         """Wait for a new state."""
         super().link_opened(now_s)
         self._state = AutopilotState(self._mode)
+        self._parameters = ParameterCheck(self._mode.autopilot, self.settings)
         self._sequence = self._heading_rad = None
         self._armed = self._arming = False
         self._now_s = now_s
@@ -169,6 +176,7 @@ class MavlinkProtocol(SetPointRadio):
         """Count the vehicle as ready and armed, as if it had just reported it."""
         self.link_opened(now_s)
         self._state.resume(now_s)
+        self._parameters.skip()
         self._armed = True
 
     def receive(self, data: bytes, now_s: float) -> None:
@@ -199,6 +207,8 @@ class MavlinkProtocol(SetPointRadio):
                 self._state.take_answer(packet, arming=self._armed, now_s=now_s)
                 complaint = self._state.complaint
                 self.remark = f"; refused: {complaint}" if complaint else ""
+            elif packet.get_type() == "PARAM_VALUE":
+                self._parameters.take(packet)
             else:
                 self._state.take(packet, now_s)
                 if packet.get_type() == "SYS_STATUS":
@@ -214,13 +224,11 @@ class MavlinkProtocol(SetPointRadio):
         if self._armed and self._arming:
             return f"the autopilot did not arm: {state.complaint or 'no answer'}" if self._thrusts else None
         if self._armed:
-            return (
-                "a pilot or a failsafe has changed the mode" if state.armed else "the autopilot has disarmed"
-            )
+            return state.other_mode if state.armed else "the autopilot has disarmed"
         if not state.armed:
-            return state.arming_problem
+            return self._parameters.problem or state.arming_problem
         if not state.obeys:
-            return "someone else has armed the vehicle"
+            return f"armed, not by the gateway: {state.other_mode}"
         return f"the autopilot is still armed: {state.complaint or 'it has not answered yet'}"
 
     def status(self, now_s: float) -> ModuleStatus:

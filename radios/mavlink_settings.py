@@ -32,7 +32,7 @@ class MavlinkSettings(FullStick):
     """How channels become set points of PX4 and ArduPilot."""
 
     system: int = 1
-    """System id of the vehicle: `MAV_SYS_ID` of PX4, `SYSID_THISMAV` of ArduPilot."""
+    """System id of the vehicle: `MAV_SYS_ID` of PX4, `MAV_SYSID` of ArduPilot."""
     own_system: int = 255
     """System id of the gateway, which counts as the ground station of the vehicle."""
     baud: int = LINE.baud

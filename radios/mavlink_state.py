@@ -5,7 +5,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from rcopterx.radios.mavlink_settings import PX4, Mode
+from rcopterx.radios.mavlink_settings import ARDUPILOT, PX4, Mode
 from rcopterx.radios.protocol import FrameDecodeError
 
 SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
@@ -13,6 +13,16 @@ SILENT_S = 1.0
 HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
 NO_VOLTAGE = 65_535
 UNEXPLAINED = "MAV_RESULT"
+_COPTER_MODES = (
+    "STABILIZE", "ACRO", "ALT_HOLD", "AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE", "POSITION", "LAND",
+)  # fmt: skip
+MODE_NAMES = {(ARDUPILOT, number): name for number, name in enumerate(_COPTER_MODES)} | {
+    (PX4, main << 16 | sub << 24): name
+    for main, sub, name in (
+        (1, 0, "MANUAL"), (2, 0, "ALTCTL"), (3, 0, "POSCTL"), (4, 3, "LOITER"), (4, 5, "RTL"),
+        (4, 6, "LAND"), (5, 0, "ACRO"), (6, 0, "OFFBOARD"), (7, 0, "STABILIZED"),
+    )
+}  # fmt: skip
 LONGEST_TEXT = 50  # of one packet; a shorter one is the last part
 
 
@@ -62,6 +72,7 @@ class AutopilotState:
         self._mode = mode
         self.armed: bool | None = None
         self.obeys: bool | None = None
+        self._reported = mode.reported
         self.attitude_rad: tuple[float, float, float] | None = None
         self.voltage_v: float | None = None
         self.complaint = self._text = ""
@@ -84,6 +95,7 @@ class AutopilotState:
                 if now_s >= self._claimed_s + SETTLING_S:
                     self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                     self.obeys = message.custom_mode == self._mode.reported
+                    self._reported = message.custom_mode
             case "ATTITUDE":
                 attitude_rad = (message.roll, message.pitch, message.yaw)
                 if not all(map(math.isfinite, attitude_rad)):
@@ -131,6 +143,12 @@ class AutopilotState:
         if not self._refuses_to_arm:
             return None
         return f"the autopilot would refuse to arm: {self.complaint or self._text or 'its own checks fail'}"
+
+    @property
+    def other_mode(self) -> str:
+        """Mode that a pilot or a failsafe has chosen, with the newest warning."""
+        name = MODE_NAMES.get((self._autopilot, self._reported), "of a pilot or a failsafe")
+        return f"mode {name} ({self._reported})" + (f": {self._text}" if self._text else "")
 
     def sees_attitude(self, now_s: float) -> bool:
         """Whether attitudes arrive."""

@@ -28,6 +28,11 @@ HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to h
 SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
 LANDED_S: Final = 2.5  # on the floor with low throttle, until PX4 detects the landing
+PARAMETERS: Final = {
+    True: {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0},
+    False: {"COM_OF_LOSS_T": LOSS_S},
+}
+"""Those that depend on no setting, by whether it is an ArduPilot; it does not answer for unknown ones."""
 NORTH_RAD: Final = 1.0  # heading of the x axis of the laboratory: north is zero for an autopilot
 FULL_V: Final = 16.8
 EMPTY_V: Final = 14.0
@@ -45,7 +50,7 @@ class EmulatedAutopilot(UdpVehicle):
 
     `armed` and `mode`: as its heartbeat reports them. `terminated`: whether its flight was terminated, which
     only a restart ends. `rejected`: packets that it ignored, by reason. `settings`: how set points become the
-    pulse widths that the simulated vehicle gets, and its system id.
+    pulse widths that the simulated vehicle gets, and its system id. `parameters` that it has.
     """
 
     def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:
@@ -53,6 +58,13 @@ class EmulatedAutopilot(UdpVehicle):
         self._settings = settings
         self._obeying = MODES[settings.mode]
         self.rejected: Counter[str] = Counter()
+        self.parameters = {**PARAMETERS[self._ardupilot]}
+        if self._ardupilot:
+            self.parameters |= {
+                "MAV_GCS_SYSID": float(settings.own_system), "ATC_ANGLE_MAX": settings.full_tilt_deg,
+            }  # fmt: skip
+        else:
+            self.parameters["MC_YAWRATE_MAX"] = settings.full_yaw_rate_deg_s
         self._height_m, self._attitude_rad = 0.0, (0.0, 0.0, NORTH_RAD)
         self.power_cycle(start_s)
 
@@ -102,6 +114,12 @@ class EmulatedAutopilot(UdpVehicle):
             raise FrameDecodeError("mavlink: for another system")
         if kind == "SET_ATTITUDE_TARGET":
             self._take(packet, now_s)
+        if kind == "PARAM_REQUEST_READ" and packet.param_id in self.parameters:
+            value, number = self.parameters[packet.param_id], len(self.parameters)
+            answer = mavlink.MAVLink_param_value_message(
+                packet.param_id.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, number, 0
+            )
+            return [packed(self._mav, answer)]
         if kind != "COMMAND_LONG":
             return []
         result, refusal = self._command(packet, now_s)

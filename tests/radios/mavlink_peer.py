@@ -1,5 +1,6 @@
 """The MAVLink driver in virtual time, and an autopilot at the other end; pymavlink is the peer."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from hypothesis import strategies as st
@@ -18,18 +19,31 @@ KILL = FrameFlags(kill=True)
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 OFFBOARD, GUIDED, GUIDED_NOGPS = 6, 4, 20
 ARM, MODE = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE
+PARAMETERS = {
+    "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0, "MAV_GCS_SYSID": 255.0,
+    "SYSID_MYGCS": 255.0, "ATC_ANGLE_MAX": 35.0, "ANGLE_MAX": 3500.0, "COM_OF_LOSS_T": 0.5,
+    "MC_YAWRATE_MAX": 200.0,
+}  # fmt: skip
 pulses = st.floats(1100.0, 1900.0)
 
 
 class Peer:
     """A driver in virtual time, and the autopilot at the other end, whose reports a test writes."""
 
-    def __init__(self, yaw_rad: float = 0.0, dialect: Any = mavlink, **settings: Any) -> None:
+    def __init__(
+        self,
+        yaw_rad: float = 0.0,
+        dialect: Any = mavlink,
+        parameters: Mapping[str, float] = PARAMETERS,
+        **settings: Any,
+    ) -> None:
         self.protocol = MavlinkProtocol(MavlinkSettings(**settings))
         self.now_s = 0.0
         self.dialect = dialect
         self.link = dialect.MAVLink(None, srcSystem=self.protocol.settings.system, srcComponent=1)
         self.protocol.link_opened(0.0)
+        for name, value in parameters.items():
+            self.report(self.link.param_value_encode(name.encode(), value, 9, len(parameters), 0))
         if yaw_rad is not None:
             self.attitude(yaw_rad)
 

@@ -148,17 +148,19 @@ def test_a_vehicle_is_disarmed_until_it_reports_it_but_not_in_a_mode_of_others()
     peer.heartbeat(armed=True)
     assert peer.commands(LOW) == []
     peer.attitude(0.0)
-    assert peer.text == "someone else has armed the vehicle"
+    assert peer.text == "armed, not by the gateway: mode of a pilot or a failsafe (0)"
 
 
 def test_a_mode_that_changes_in_flight_is_not_changed_back() -> None:
     peer = Peer()
     peer.heartbeat(armed=True, mode=OFFBOARD << 16)
     peer.frame(HOVER)
-    peer.heartbeat(armed=True, mode=4 << 16)
+    peer.heartbeat(armed=True, mode=4 << 16 | 6 << 24)
     peer.attitude(0.0)
     assert peer.commands(HOVER) == []
-    assert peer.text == "a pilot or a failsafe has changed the mode"
+    assert peer.text == "mode LAND (100925440)"
+    peer.report(peer.link.statustext_encode(mavlink.MAV_SEVERITY_WARNING, b"Battery Failsafe"))
+    assert peer.text == "mode LAND (100925440): Battery Failsafe"
 
 
 @given(pulses, pulses, st.booleans())

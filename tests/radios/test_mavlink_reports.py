@@ -6,11 +6,12 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import ARDUPILOT, HOVER, IDLE, PX4, Peer
+from mavlink_peer import ARDUPILOT, HOVER, IDLE, LOW, PARAMETERS, PX4, Peer
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink_parameters import TRIES
 from rcopterx.radios.mavlink_state import HEARTBEAT_GONE_S, SILENT_S
 
 
@@ -30,6 +31,37 @@ def test_a_vehicle_is_ready_when_its_autopilot_would_fly(
     assert peer.ready is ready
     assert words in peer.text
     assert MavlinkProtocol().status(0.0).text == "port not open"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("GUID_OPTIONS", 0.0, "GUID_OPTIONS is 0, right is 8, thrust of set points"),
+        ("GUID_TIMEOUT", 3.0, "GUID_TIMEOUT is 3, right is 0.5 s"),
+        ("MAV_GCS_SYSID", 254.0, "MAV_GCS_SYSID is 254, right is own_system"),
+        ("ANGLE_MAX", 2000.0, "ANGLE_MAX is 2000, right is full_tilt_deg"),
+    ],
+)
+def test_a_parameter_that_forbids_flights_is_named(name: str, value: float, words: str) -> None:
+    peer = Peer(parameters=PARAMETERS | {name: value}, mode="guided")
+    peer.heartbeat(autopilot=ARDUPILOT)
+    assert not peer.ready
+    assert peer.text == f"parameters of the autopilot: {words}"
+
+
+def test_parameters_are_requested_some_times_and_unknown_ones_are_not_awaited() -> None:
+    peer = Peer(parameters={"COM_OF_LOSS_T": math.nan})
+    peer.heartbeat()
+    assert peer.text == "the parameters of the autopilot are read"
+    requested = [
+        each.param_id
+        for _ in range(60)
+        for each in peer.frame(LOW)
+        if each.get_type() == "PARAM_REQUEST_READ"
+    ]
+    assert requested == ["COM_OF_LOSS_T", "MC_YAWRATE_MAX"] * TRIES
+    peer.attitude(0.0)
+    assert peer.ready
 
 
 def test_silence_is_noticed() -> None:
@@ -53,7 +85,7 @@ def test_the_status_has_voltage_and_the_share_of_packets_that_arrived() -> None:
     peer.link.seq = (peer.link.seq + 4) % 256
     peer.attitude(0.0)
     peer.attitude(0.0)
-    assert peer.text == "ready, 15.43 V, link 56 %"
+    assert peer.text == "ready, 15.43 V, link 78 %"
 
 
 def test_reports_arrive_in_pieces_as_on_a_serial_line() -> None:

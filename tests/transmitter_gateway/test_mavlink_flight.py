@@ -208,10 +208,18 @@ def test_silence_of_the_autopilot_ends_a_flight(bench: Bench) -> None:
     assert "vehicle gone: no heartbeat" in bench.module
 
 
+def test_an_ardupilot_that_takes_thrusts_for_climb_rates_is_not_armed() -> None:
+    bench = Bench(mode="guided_nogps")
+    bench.vehicle.parameters["GUID_OPTIONS"] = 0.0
+    bench.run(2.0, 0.0)
+    assert not bench.request(Action.ARM)
+    assert bench.module == "parameters of the autopilot: GUID_OPTIONS is 0, right is 8, thrust of set points"
+
+
 def test_commands_of_someone_else_are_not_obeyed_in_another_mode(bench: Bench) -> None:
     bench.run(2.5, 0.0)
     bench.vehicle.armed = True
     bench.run(2.0, 0.0)
     assert bench.vehicle.armed, "armed by someone else, in another mode"
-    assert bench.module == "someone else has armed the vehicle"
+    assert bench.module == "armed, not by the gateway: mode LOITER (50593792)"
     assert not bench.request(Action.ARM)

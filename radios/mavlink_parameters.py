@@ -1,0 +1,73 @@
+"""Parameters of an autopilot that flights depend on, read at the start (manuals of ArduPilot and PX4)."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+from rcopterx.radios.mavlink_settings import ARDUPILOT, PX4, MavlinkSettings
+
+TRIES: Final = 3  # so many requests without an answer, and the firmware does not have the parameter
+
+
+class Rule(NamedTuple):
+    """A parameter under its present name, what has to hold, and the right value for people."""
+
+    name: str
+    holds: Callable[[float, MavlinkSettings], bool]
+    right: str
+
+
+LOSS_S: Final = 0.3, 1.0  # without set points: a gateway restarts in less, and a vehicle drifts away in more
+THRUST_BIT: Final = 8
+RULES: Final[dict[int, tuple[Rule, ...]]] = {
+    ARDUPILOT: (
+        Rule("GUID_OPTIONS", lambda value, _: bool(int(value) & THRUST_BIT), "8, thrust of set points"),
+        Rule("GUID_TIMEOUT", lambda value, _: LOSS_S[0] <= value <= LOSS_S[1], "0.5 s"),
+        Rule("FS_GCS_ENABLE", lambda value, _: value > 0, "5, land without the gateway"),
+        Rule("MAV_GCS_SYSID", lambda value, settings: value == settings.own_system, "own_system"),
+        Rule("SYSID_MYGCS", lambda value, settings: value == settings.own_system, "own_system"),
+        Rule("ATC_ANGLE_MAX", lambda value, settings: value >= settings.full_tilt_deg, "full_tilt_deg"),
+        Rule("ANGLE_MAX", lambda value, settings: value >= 100 * settings.full_tilt_deg, "full_tilt_deg"),
+    ),
+    PX4: (
+        Rule("COM_OF_LOSS_T", lambda value, _: LOSS_S[0] <= value <= LOSS_S[1], "0.5 s"),
+        Rule("MC_YAWRATE_MAX", lambda value, s: value >= s.full_yaw_rate_deg_s, "full_yaw_rate_deg_s"),
+    ),
+}
+
+
+class ParameterCheck:
+    """Reads the parameters."""
+
+    def __init__(self, autopilot: int, settings: MavlinkSettings) -> None:
+        self._settings = settings
+        self._left = list(RULES[autopilot])
+        self._tries = 0
+        self._wrong: list[str] = []
+
+    def skip(self) -> None:
+        """Read none: the vehicle flies."""
+        self._left = []
+
+    def wanted(self) -> list[str]:
+        """Return the names that are to be requested now."""
+        if self._tries == TRIES:
+            self._left = []
+        self._tries += 1
+        return [rule.name for rule in self._left]
+
+    def take(self, message: Any) -> None:
+        """Judge the answer to a request."""
+        for rule in self._left:
+            if rule.name == message.param_id and math.isfinite(message.param_value):
+                if not rule.holds(message.param_value, self._settings):
+                    self._wrong.append(f"{rule.name} is {message.param_value:g}, right is {rule.right}")
+                self._left = [other for other in self._left if other is not rule]
+                return
+
+    @property
+    def problem(self) -> str | None:
+        """Which parameters forbid a flight, or that not all are read; None if all are right."""
+        if self._wrong:
+            return f"parameters of the autopilot: {'; '.join(self._wrong)}"
+        return "the parameters of the autopilot are read" if self._left else None
