@@ -7,6 +7,7 @@ from integration_support import (
     NAMES,
     Flying,
     Truth,
+    fleet_text,
     flown_by,
     fly_to,
     landed_gently,
@@ -14,6 +15,7 @@ from integration_support import (
     transmitter_state,
 )
 from radio_support import RadioLog, kill_gateway_in_flight, module
+from support.bus import free_port
 from support.radio_addresses import radio_paths
 
 from rcopterx.ground_station.page.controls import banner
@@ -25,7 +27,13 @@ pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout
 
 Launch = Callable[..., Flying]
 UNTHRUSTED_US = 1110.0
-WEAK = "[vehicles.h3.battery]\nwarn_v = 4.18\nland_v = 4.165"
+WEAK = """
+[vehicles.h3]
+type = "crazyflie"
+subject = "heli3"
+transmitter = {{ port = "{}" }}
+battery = {{ warn_v = 4.18, land_v = 4.165 }}
+"""
 """The voltage of an emulated battery falls by 0.1 V in 26 s of flight."""
 STOPPED_S = 1.0
 """Very loose, for a busy machine; `test_kill_times` measures."""
@@ -72,13 +80,15 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
 def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_no_more(
     launch: Launch,
 ) -> None:
-    text = of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3))
-    flying = launch(f"{text}\n{WEAK}\n")
+    text = fleet_text(
+        free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=WEAK.format(radio_paths(1)[0])
+    )
+    flying = launch(text)
     fleet, truth = flying.fleet, Truth(flying)
-    fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
+    fleet.take_off(["h3"], height_m=0.7, timeout_s=40)
 
     def shown() -> str:
-        return banner("lab", [fleet.state_of(name) for name in NAMES], fleet.problems())
+        return banner("lab", [fleet.state_of("h3")], fleet.problems())
 
     fleet.wait_until(lambda: "h3: low voltage: " in shown(), 30, "no warning")
     assert fleet.state_of("h3").airborne
@@ -92,4 +102,3 @@ def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_n
     assert "battery empty" in "".join(fleet.problems(["h3"]))
     with pytest.raises(RefusedError):
         fleet["h3"].take_off(0.7)
-    assert all(flown_by(flying, name) is not None for name in ("h1", "h2"))

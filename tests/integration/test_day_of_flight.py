@@ -1,6 +1,7 @@
 """A long flight leaves every process as it was: memory, open files, threads and logs do not grow.
 
-Each process is sampled every minute of the fleet's time.
+Each process is sampled every minute of the fleet's time. RCOPTERX_DAY_MINUTES, at least 4,
+shortens the flight.
 """
 
 import os
@@ -24,7 +25,7 @@ pytestmark = [
 ]
 
 Launch = Callable[..., Flying]
-MINUTES = 120
+MINUTES = int(os.environ.get("RCOPTERX_DAY_MINUTES", "120"))
 """Of the fleet's time; in lockstep they may be shorter."""
 PLACES_M = ((0.3, 0.2, 0.9), (-0.3, 0.1, 0.7))
 MB = 1_000_000
@@ -77,6 +78,14 @@ def test_no_process_grows_in_two_hours_of_flight(launch: Launch, tmp_path: Path)
     assert not wrong, "\n".join(wrong)
 
 
+def figures(process: str, found: list[Sample]) -> str:
+    """Means per minute, between the first and the last sample."""
+    minutes = len(found) - 1
+    changes = zip(Sample._fields, found[0], found[-1], strict=True)
+    each = (f"{what} {first} + {(last - first) / minutes:g}" for what, first, last in changes)
+    return f"{process}: {', '.join(each)} a minute"
+
+
 def growth(process: str, found: list[Sample]) -> list[str]:
     """What has grown between the second quarter of a flight and the last one; the first one is a warm-up."""
     quarter = len(found) // 4
@@ -91,5 +100,5 @@ def growth(process: str, found: list[Sample]) -> list[str]:
         what: median(getattr(each, what) for each in late) - median(getattr(each, what) for each in early)
         for what in allowed
     }
-    print(process, grown)
+    print(figures(process, found))
     return [f"{what} + {grown[what]:g}" for what, most in allowed.items() if grown[what] > most]
