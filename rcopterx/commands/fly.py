@@ -114,8 +114,7 @@ def fly(
         return
     chaos = names == [CHAOS] and not faults
     rows = [] if faults or chaos else _chosen(names or [], every)
-    if report is not None:
-        _make_directory(report)
+    _make_directory(report)
     if faults:
         _faults().fly_faults(names or [], runs, options)
     elif chaos:
@@ -164,8 +163,10 @@ def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
     return [MANOEUVRES[name] for name in names]
 
 
-def _make_directory(path: Path) -> None:
-    """Make the directory of reports; fail before the flight if it cannot be written to."""
+def _make_directory(path: Path | None) -> None:
+    """Make the directory of reports, if any; fail before the flight if it cannot be written to."""
+    if path is None:
+        return
     try:
         path.mkdir(parents=True, exist_ok=True)
         try_place(path)

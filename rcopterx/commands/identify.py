@@ -30,6 +30,15 @@ Say = Callable[[str], None]
 REACH_M = 0.4
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
+ReachOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        min=0.1,
+        max=2,
+        help="Largest distance from the set point. Default: 0.4, with --all as the volume allows.",
+    ),
+]
 
 
 def identify(
@@ -43,15 +52,7 @@ def identify(
     strength: Annotated[
         float, typer.Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
     ] = 1.0,
-    reach: Annotated[
-        float | None,
-        typer.Option(
-            metavar="METRES",
-            min=0.1,
-            max=2,
-            help="Largest distance from the set point. Default: 0.4, with --all as the volume allows.",
-        ),
-    ] = None,
+    reach: ReachOption = None,
     from_files: Annotated[
         list[Path] | None,
         typer.Option(
