@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, VECTOR, compiled
+from rcopterx.control.estimators.process_noise import process_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lateral import (
@@ -18,12 +19,11 @@ from rcopterx.control.models.lateral import (
     LATERAL_STEP,
     POSITION,
     VELOCITY,
-    WIND_CORRELATION_S,
     LateralStep,
     lateral_system,
     predict_lateral,
 )
-from rcopterx.control.models.linear import PERIOD_DIGITS, noise_over
+from rcopterx.control.models.linear import PERIOD_DIGITS
 from rcopterx.control.models.prediction import MOTION_MODEL, integrate_motion, steps_in
 from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import (
@@ -246,9 +246,6 @@ _START_SERVO: Final = 0.02
 _START_WIND_M_S2: Final = 0.15
 _START_TRIM: Final = 0.03
 _START_OFFSET_RAD: Final = 0.05
-_TRIM_DENSITY: Final = 0.002
-_OFFSET_DENSITY: Final = 0.0005
-_SERVO_DENSITY: Final = 0.01
 
 
 @compiled(LATERAL_STEP, VECTOR, MATRIX, MATRIX, ANY_VECTOR, NUMBER)
@@ -393,20 +390,3 @@ class TiltFilter:
     def _forget(self, states: slice, deviation: float) -> None:
         self.x[states] = self.P[states, :] = self.P[:, states] = 0.0
         self.P[states, states] = deviation**2 * np.eye(2)
-
-
-@lru_cache(maxsize=256)
-def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: float) -> Array:
-    """Return the covariance Q that a period adds, shape (n, n): Van Loan's integral plus random walks."""
-    noise, system = noise_of(model, settings), lateral_system(model, period_s)
-    size = system.size
-    density = np.zeros(size)
-    density[VELOCITY] = noise.velocity_noise[0] ** 2
-    density[system.tilt_rate] = noise.tilt_density**2
-    density[system.wind] = 2.0 * noise.wind_rms_m_s2**2 / WIND_CORRELATION_S
-    Q = np.zeros((size + 4, size + 4))
-    Q[:size, :size] = noise_over(system.continuous, density, period_s)
-    trim, offset = slice(size, size + 2), slice(size + 2, size + 4)
-    for states, walk in ((system.servo, _SERVO_DENSITY), (trim, _TRIM_DENSITY), (offset, _OFFSET_DENSITY)):
-        Q[states, states] += period_s * walk**2 * np.eye(2)
-    return Q

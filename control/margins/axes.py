@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.filters import process_noise
+from rcopterx.control.estimators.process_noise import process_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop
 from rcopterx.control.models.lags import LagDynamics, behind_lag
