@@ -263,8 +263,9 @@ class Pilot:
         """Return the output on the floor: rotor off, or turning up in open loop."""
         period_s, rising = self.controller.period_s, self._lift_off.under_way
         inputs = np.zeros((self._bridged_rows if rising else 1, INPUT_SIZE))
-        inputs[:, U_THRUST] = [
-            self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
+        inputs[:, U_THRUST] = [  # each acts for a period
+            self._lift_off.thrust(self.clock.time_s + (number + 0.5) * period_s)
+            for number in range(len(inputs))
         ]
         self._flown_by_controller = False
         self.cooperation.rest()
@@ -323,7 +324,7 @@ class Pilot:
         self.guidance.lifted(self.estimate, time_s)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
-        carrying[U_THRUST] = self._lift_off.carrying_thrust(time_s)
+        carrying[U_THRUST] = self._lift_off.carrying_thrust(self.estimate.motion, time_s)
         self._lift_off.end()
         self._start_controller(self.estimation.compensated(self.model), carrying)
 

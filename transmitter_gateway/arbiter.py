@@ -232,7 +232,9 @@ class Arbiter:
             }
         found = {condition for condition, true in holds.items() if true}
         self._judge_poses(found, now_s)
-        if state in FLYING and Condition.AIRBORNE not in found:
+        if state in FLYING and self.lift_off.sinking:
+            self._find(Condition.SINKING, self.lift_off.problem, found)
+        elif state in FLYING and Condition.AIRBORNE not in found:
             self._find(Condition.LIFT_OFF, self.lift_off.problem, found)
         return found
 
@@ -366,11 +368,14 @@ class Arbiter:
             height_m = None
             if motion is not None and not acting.is_low(now_s, self.limits):
                 height_m = motion.position_m[2] - self._floor_m
-            limiter.play(played_input(acting.command, self._bridging_step), now_s, height_m)
+            target = played_input(acting.command, self._bridging_step)
+            limiter.play(target, now_s, height_m, falls_freely=not self.lift_off.proved)
         elif self.state is State.HOLD and self.lift_off.proved:
             limiter.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:
             limiter.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
+        elif self.state is State.DESCEND and self.lift_off.sinking:
+            limiter.sink(self.lift_off.sinking_thrust)
         elif self.state in FLYING:
             limiter.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)
         else:

@@ -47,10 +47,13 @@ class OutputLimiter:
         self.u = u
         self.hover.begin(hover_thrust, u[THRUST])
 
-    def play(self, target: Input, now_s: float, height_m: float | None) -> None:
+    def play(
+        self, target: Input, now_s: float, height_m: float | None, *, falls_freely: bool = False
+    ) -> None:
         """Apply a command within slew rates over the time since the last move, which steps do not use up.
 
         A vehicle at a height above the floor, not None, keeps the thrust that it survives if it is repeated.
+        Thrust that `falls_freely` has no slew rate downwards.
         """
         self.law.renew()
         self._braked = 0.0
@@ -63,7 +66,8 @@ class OutputLimiter:
             if wanted != last:
                 most = rate * min(now_s - moved_s, LONGEST_SLEW_STEP_S)
                 self._moved_s[axis] = now_s
-                value = min(max(wanted, last - most), last + most)
+                down = math.inf if falls_freely and axis == THRUST else most
+                value = min(max(wanted, last - down), last + most)
             limited.append(value)
         self.u = (limited[0], limited[1], limited[2], limited[3])
         if self.u != target:
@@ -97,6 +101,12 @@ class OutputLimiter:
         """Descend straight to the floor; `landing_s` is the time since the landing began."""
         limits, brakes = self._limits.landing, self.law.brakes
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
+
+    def sink(self, thrust: float) -> None:
+        """Apply a thrust, level."""
+        self.law.release()
+        self._braked = 0.0
+        self.u = (0.0, 0.0, thrust, 0.0)
 
     def descend(self, elapsed_s: float, *, over: bool) -> None:
         """Descend level without poses, thrust a little below hover; if `over` in the air, without thrust."""

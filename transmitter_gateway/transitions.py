@@ -35,6 +35,7 @@ class Condition(StrEnum):
     RUNAWAY = "far outside the fence without obeying"
     IMPLAUSIBLE = "pose not plausible"
     LIFT_OFF = "lift-off fails"
+    SINKING = "lift-off fails and it sinks"
     HOLD_CAUSE = "surveillance: hold"
     DESCEND_CAUSE = "surveillance: descend"
     HOLD_OVER = "hold lasted too long"
@@ -79,7 +80,8 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     Transition(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
     Transition(FLYING, {_C.LIFT_OFF}, _S.CUT, "lift-off"),
-    Transition({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
+    Transition(FLYING - {_S.DESCEND}, {_C.SINKING}, _S.DESCEND, "lift-off"),
+    Transition({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed", unless={_C.SINKING}),
     Transition({_S.LAND}, {_C.RUNAWAY}, _S.CUT, "far outside the fence"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, "shutting down"),
     *_down({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, "raw poses"),
@@ -93,9 +95,9 @@ TRANSITIONS: tuple[Transition, ...] = (
         {_C.FRESH, _C.READY},
         _S.ARMED,
         "commands fresh again",
-        unless={_C.SHUTDOWN, *CAUSES},
+        unless={_C.SHUTDOWN, _C.SINKING, *CAUSES},
     ),
-    Transition({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER}),
+    Transition({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER, _C.SINKING}),
     Transition({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over", unless={_C.AIRBORNE}),
     Transition({_S.LAND}, set(), _S.DESCEND, "own pose not seen", unless={_C.SEEN}),
     Transition({_S.LAND}, {_C.LANDING_OVER}, _S.DESCEND, "landing lasted too long"),

@@ -15,7 +15,10 @@ from rcopterx.vehicles.tuples import Three
 PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies
 ROSE_M: Final = 0.006  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
-UNSEEN_M_S: Final = 1.3  # speed that a vehicle that hovers with this thrust may have reached unseen
+UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
+BRAKED_SHARE: Final = 0.6  # of the hover thrust: a climb is braked without thrust until the rotor is so slow
+RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
+SINKING_S: Final = 0.8  # time in which a vehicle sinks after a problem
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 TURNING: Final = 0.2  # share of the hover thrust from which on the rotor may do harm
 REPEATED_S: Final = 0.08  # a position that repeats itself exactly for so long...
@@ -24,13 +27,13 @@ ASIDE_M: Final = 0.05  # from where it stood, without rising
 GAP_S: Final = 0.1  # after so long without a pose it may have slid
 LOW_M: Final = 0.02  # a vehicle that is lower has not risen enough to move sideways
 TILT_RAD: Final = 0.35
-JUMP_M: Final = 0.1
-FASTEST_M_S: Final = 2.5
+JUMP_M: Final = 0.03
+FASTEST_M_S: Final = 1.5
 STANDING_WEIGHT: Final = 0.1  # of a new pose in the mean of where the vehicle stands
 MAT_M: Final = 0.02  # by so much a vehicle may rise from a soft mat under a rotor that does not lift it
 OTHER_AVERAGED: Final = 3  # poses in the mean height of another vehicle
 NOT_RISEN: Final = (
-    "its pose did not rise: an empty battery, another hover thrust, or the pose of another body?"
+    "its pose did not rise: charge its battery, raise hover_thrust, or is its subject another body?"
 )
 
 
@@ -86,7 +89,9 @@ class LiftOffProof:
         self._changed_s = -math.inf
         self._repeats = 0
         self._tried = False
-        self._rise_m = self._unseen_m_s = 0.0
+        self._rise_m = self._climb_m_s = 0.0  # as seen
+        self._unseen_m = self._unseen_m_s = 0.0  # height and climb rate of a vehicle like its model
+        self._sunk_s, self._braked = 0.0, False  # since a problem
         self._others: dict[str, _Other] = {}
 
     @property
@@ -101,6 +106,16 @@ class LiftOffProof:
             return math.inf
         return MAT_M if self.turning else ROSE_M
 
+    @property
+    def sinking(self) -> bool:
+        """Whether a vehicle that has left the floor still sinks to it after a problem."""
+        return self.problem is not None and self._sunk_s < SINKING_S
+
+    @property
+    def sinking_thrust(self) -> float:
+        """Thrust that brings it to the floor gently, without any pose."""
+        return RESTING_SHARE * self._limits.hover_thrust if self._braked else 0.0
+
     def thrust(self, applied: float, elapsed_s: float, *, stands: bool) -> None:
         """Use the thrust applied for the last `elapsed_s`; a vehicle that `stands` has to prove the next."""
         if stands and self._bounded:
@@ -113,8 +128,15 @@ class LiftOffProof:
         if self.proved:
             return
         excess = self._acting / self._limits.hover_thrust - 1.0
-        self._unseen_m_s = max(0.0, self._unseen_m_s + GRAVITY_M_S2 * excess * elapsed_s)
-        if self._unseen_m_s > UNSEEN_M_S and self._rise_m < ROSE_M:
+        self._unseen_m_s += GRAVITY_M_S2 * excess * elapsed_s
+        self._unseen_m += self._unseen_m_s * elapsed_s
+        if self._unseen_m <= 0.0:
+            self._unseen_m, self._unseen_m_s = 0.0, max(self._unseen_m_s, 0.0)
+        if self.problem is not None:
+            self._sunk_s += elapsed_s
+            slow = self._acting < BRAKED_SHARE * self._limits.hover_thrust
+            self._braked = self._braked or slow or self._unseen_m_s <= 0.0
+        elif self._unseen_m_s > UNSEEN_M_S and self._rise_m < ROSE_M:
             self._end(NOT_RISEN)
 
     def own(self, pose: SeenPose, now_s: float) -> None:
@@ -164,12 +186,16 @@ class LiftOffProof:
         places = [place for _, place in self._newest]
         x, y, z = (math.fsum(axis) / len(places) for axis in zip(*places, strict=True))
         self._rise_m = rise_m = z - stands.position_m[2]
+        (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
+        if last_s > first_s:
+            self._climb_m_s = (last[2] - first[2]) / (last_s - first_s)
         if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
         if pose.tilt_rad is not None and stands.tilt_rad is not None:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")
+                self._sunk_s = SINKING_S  # it would not sink but slide
         if rise_m > MAT_M and not self._tried:
             self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
         self.proved = self.problem is None and rise_m > PROVED_M
@@ -177,6 +203,10 @@ class LiftOffProof:
     def _end(self, problem: str) -> None:
         if self.problem is None:
             self.problem = problem
+            if self._rise_m > ROSE_M:
+                self._unseen_m, self._unseen_m_s = self._rise_m, self._climb_m_s
+            if self._unseen_m <= 0.0:
+                self._sunk_s = SINKING_S
 
 
 def _standing(before: SeenPose | None, pose: SeenPose) -> SeenPose:

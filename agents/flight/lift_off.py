@@ -2,38 +2,39 @@
 
 At lift-off the thrust rises open loop until the vehicle is seen to leave the floor. A model knows neither the
 floor nor the thrust that this battery gives today. So the controller takes over only when the vehicle has
-left the floor; the thrust that lifted it carries its weight.
+left the floor; how high it has risen until then shows its weight.
 
-Nothing proves before that the pose is that of this vehicle. A vehicle whose weight is `s` times that of its
-model and that is not seen reaches, under a thrust that rises at the rate r to the peak p,
-
-    v = g (p - s)^2 / (2 r s),    h = g (p - s)^3 / (6 r^2 s)
-
-so the thrust passes quickly through the range in which vehicles of the type lift, and falls again at once.
+Nothing proves before that the pose is that of this vehicle. So the thrust is a pulse, as steep as the sticks
+may move: a vehicle as heavy as its model that nothing sees reaches `UNSEEN_M_S`, is braked, and sinks to the
+floor under `RESTING_SHARE`. The steeper a pulse of a given speed, the heavier are the vehicles that it lifts.
 """
 
 import math
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.control.interfaces import Estimate
+from rcopterx.vehicles.lift_off import BRAKED_SHARE, RESTING_SHARE
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, ZD_BODY, Array, Z
 
 SPOOL_UP_S: Final = 0.4
-BASE_SHARE: Final = 0.85  # part of the hover thrust to which the rotor turns up first
-SINKING_SHARE: Final = 0.66  # after a peak: a vehicle that has lifted unseen sinks slowly to the floor...
-SINKING_S: Final = 0.9  # ...in this time
-FALL_PER_S: Final = 8.0  # rate of the thrust after a peak, in hover thrusts
-PEAK_SHARE: Final = 1.38  # largest thrust of the rotor, as a share of the hover thrust
-RISE_PER_S: Final = 1.8  # rate of the thrust until then, in hover thrusts
+UNSEEN_M_S: Final = (0.4, 0.5, 0.6, 0.6)
+"""Climb rate that a vehicle like its model reaches in each try if nothing sees it: heavy ones lift later."""
+THRUST_PER_S: Final = 4.0  # rate at which the thrust stick rises, as arbiters permit
 NEAR_FLOOR: Final = 1.05  # by how much more the rotors of a coaxial helicopter lift near the floor
-PEAK_S: Final = SPOOL_UP_S + (PEAK_SHARE - BASE_SHARE) / RISE_PER_S
-TRIES: Final = 5  # a receiver may still search its radio, and a lift may not be seen in time
-TRY_S: Final = PEAK_S - SPOOL_UP_S + SINKING_S
+TRY_S: Final = 1.5  # of a pulse, and until a light vehicle that nothing sees has sunk to the floor
+FAILED_S: Final = SPOOL_UP_S + len(UNSEEN_M_S) * TRY_S
 LIFTED_M: Final = 0.006  # twenty times the noise of a motion capture
-LIFT_SPEED_M_S: Final = 0.05  # speed of the climb of a vehicle that is seen to have lifted
+HELD_S: Final = 0.02  # time for which a command is held
+STEPS: Final = 4  # in that time
+STEP_S: Final = HELD_S / STEPS
+SPOOL_UP_STEPS: Final = round(SPOOL_UP_S / STEP_S)
+TRY_STEPS: Final = round(TRY_S / STEP_S)
+LIGHTEST: Final = 0.7  # share of the hover thrust: a lighter vehicle has risen from a soft mat only
+BISECTIONS: Final = 12
 
 
 class LiftOff:
@@ -43,7 +44,11 @@ class LiftOff:
         self._model = model
         near_floor = NEAR_FLOOR if model.airframe == "coaxial" else 1.0
         self._hover = float(model.hover_input[U_THRUST]) / near_floor
-        self._largest = float(model.u_max[U_THRUST])
+        largest = float(model.u_max[U_THRUST]) / self._hover
+        self._tries = [
+            _pulse(self._hover, largest, float(model.lag_s[U_THRUST]), fastest_m_s)
+            for fastest_m_s in UNSEEN_M_S
+        ]
         self._begun_s = math.inf
         self._floor_m = 0.0
 
@@ -65,32 +70,51 @@ class LiftOff:
         self._begun_s = math.inf
 
     def thrust(self, time_s: float) -> float:
-        """Return the thrust input to command now; it leads the rotor's lag. 0 while nothing is under way."""
-        share, slope_per_s = _share(_in_try(time_s - self._begun_s))
-        commanded = self._hover * (share + self._model.lag_s[U_THRUST] * slope_per_s)
-        return min(max(commanded, 0.0), self._largest)
+        """Return the thrust input to command now. 0 while nothing is under way."""
+        elapsed_s = time_s - self._begun_s
+        if elapsed_s < 0.0:
+            return 0.0
+        pulse, step = self._step(elapsed_s)
+        return self._hover * float(pulse.commanded[step // STEPS])
 
     def estimate(self, motion: Array, time_s: float) -> Estimate:
-        """Return the estimate after lift-off from `motion`, shape (8,).
-
-        The thrust that carries the weight is that of the moment when the vehicle left the floor.
-        """
+        """Return the estimate after lift-off from `motion`, shape (8,)."""
+        share, climb_m_s = self._carrying(float(motion[Z]) - self._floor_m, time_s)
         climbing = motion.copy()
-        climbing[ZD_BODY] = LIFT_SPEED_M_S
+        climbing[ZD_BODY] = climb_m_s
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
-        actuator[U_THRUST] = self._hover * _share(self._acts_s(time_s))[0]
-        weight = self._model.b[U_THRUST] * self.carrying_thrust(time_s)
-        disturbance[U_THRUST] = self._model.gravity_m_s2 - weight
+        actuator[U_THRUST] = self._hover * self._acted(time_s)[-1]
+        disturbance[U_THRUST] = self._model.gravity_m_s2 - self._model.b[U_THRUST] * self._hover * share
         return Estimate(climbing, actuator, disturbance)
 
-    def carrying_thrust(self, time_s: float) -> float:
-        """Return the thrust under which a vehicle left the floor that is seen to have lifted now."""
-        rising_s = (6 * LIFTED_M / (RISE_PER_S * GRAVITY_M_S2)) ** (1 / 3)
-        return self._hover * _share(self._acts_s(time_s) - rising_s)[0]
+    def carrying_thrust(self, motion: Array, time_s: float) -> float:
+        """Return the thrust that carries a vehicle which is seen to have lifted now."""
+        return self._hover * self._carrying(float(motion[Z]) - self._floor_m, time_s)[0]
 
-    def _acts_s(self, time_s: float) -> float:
-        """Time in a try whose thrust acts now, at its peak at the latest."""
-        return min(_in_try(time_s - self._model.delay_s - self._begun_s), PEAK_S)
+    def _carrying(self, risen_m: float, time_s: float) -> tuple[float, float]:
+        """Share of the hover thrust that carries a vehicle that has risen so far, and its climb rate."""
+        acting = self._acted(time_s)
+        heaviest = max(float(acting.max()), STEP_S)
+        lightest = LIGHTEST * min(heaviest, 1.0)
+        climb_m_s = 0.0
+        for _ in range(BISECTIONS):
+            share = 0.5 * (lightest + heaviest)
+            height_m, climb_m_s = _risen(acting, share)
+            lightest, heaviest = (share, heaviest) if height_m > risen_m else (lightest, share)
+        return 0.5 * (lightest + heaviest), climb_m_s
+
+    def _acted(self, time_s: float) -> Array:
+        """Thrust of the rotor in each step of the present try until now, as a share of the hover thrust."""
+        pulse, step = self._step(max(time_s - self._model.delay_s - self._begun_s, 0.0))
+        return pulse.acting[: step + 1]
+
+    def _step(self, elapsed_s: float) -> tuple["_Pulse", int]:
+        """Pulse and step of it at a time since the beginning."""
+        number, steps = 0, int(elapsed_s / STEP_S + 1e-6)
+        if steps >= SPOOL_UP_STEPS:
+            number, after = divmod(steps - SPOOL_UP_STEPS, TRY_STEPS)
+            steps = SPOOL_UP_STEPS + after
+        return self._tries[min(number, len(self._tries) - 1)], steps
 
     def lifted(self, height_m: float) -> bool:
         """Whether the vehicle has left the floor."""
@@ -98,24 +122,66 @@ class LiftOff:
 
     def failed(self, time_s: float) -> bool:
         """Whether it has not lifted, and has sunk to the floor if it did so unseen."""
-        return time_s > self._begun_s + SPOOL_UP_S + TRIES * TRY_S
+        return time_s > self._begun_s + FAILED_S
 
 
-def _in_try(elapsed_s: float) -> float:
-    """Time since the beginning of a lift-off as if it were in its first try."""
-    return elapsed_s if elapsed_s < PEAK_S else SPOOL_UP_S + (elapsed_s - SPOOL_UP_S) % TRY_S
+class _Pulse(NamedTuple):
+    """Thrust commanded in each `HELD_S` of turning up and a try, and of the rotor in each `STEP_S`.
+
+    Both are shares of the hover thrust.
+    """
+
+    commanded: Array
+    acting: Array
 
 
-def _share(elapsed_s: float) -> tuple[float, float]:
-    """Thrust of the rotor at a time of a lift-off, as a share of the hover thrust, and its slope [1/s]."""
-    if elapsed_s < 0.0:
-        return 0.0, 0.0
-    if elapsed_s < SPOOL_UP_S:
-        return BASE_SHARE * elapsed_s / SPOOL_UP_S, BASE_SHARE / SPOOL_UP_S
-    if elapsed_s <= PEAK_S:
-        return BASE_SHARE + RISE_PER_S * (elapsed_s - SPOOL_UP_S), RISE_PER_S
-    falling = PEAK_SHARE - FALL_PER_S * (elapsed_s - PEAK_S)
-    return (falling, -FALL_PER_S) if falling > SINKING_SHARE else (SINKING_SHARE, 0.0)
+@lru_cache(maxsize=16)
+def _pulse(hover: float, largest: float, lag_s: float, fastest_m_s: float) -> _Pulse:
+    """Pulse of a rotor with a first-order lag and a hover thrust, `largest` as a share of that."""
+    commanded: list[float] = []
+    acting: list[float] = []
+    share = climb_m_s = command = 0.0
+    rising, braking = True, False
+    for number in range(round((SPOOL_UP_S + TRY_S) / HELD_S) + 1):
+        if number * HELD_S < SPOOL_UP_S - 0.5 * HELD_S:
+            command = RESTING_SHARE / SPOOL_UP_S * ((number + 0.5) * HELD_S + lag_s)  # it leads the lag
+        elif number * HELD_S < SPOOL_UP_S + 0.5 * HELD_S:
+            command = RESTING_SHARE
+        elif rising:
+            command = min(command + THRUST_PER_S * HELD_S / hover, largest)
+            after_m_s = _reached_m_s(share, climb_m_s, command, lag_s)
+            if after_m_s > fastest_m_s:
+                least_m_s = _reached_m_s(share, climb_m_s, 0.0, lag_s)
+                command *= max(fastest_m_s - least_m_s, 0.0) / (after_m_s - least_m_s)
+                rising, braking = False, True
+        else:
+            braking = braking and share > BRAKED_SHARE
+            command = 0.0 if braking else RESTING_SHARE
+        commanded.append(command)
+        for _ in range(STEPS):
+            share, climb_m_s = _after_step(share, climb_m_s, command, lag_s)
+            acting.append(share)
+    return _Pulse(np.array(commanded), np.array(acting))
+
+
+def _after_step(share: float, climb_m_s: float, command: float, lag_s: float) -> tuple[float, float]:
+    """Thrust of the rotor, and climb rate of a vehicle like its model, after a step of a command."""
+    share = command + (share - command) * (math.exp(-STEP_S / lag_s) if lag_s > 0.0 else 0.0)
+    return share, max(0.0, climb_m_s + STEP_S * GRAVITY_M_S2 * (share - 1.0))
+
+
+def _reached_m_s(share: float, climb_m_s: float, command: float, lag_s: float) -> float:
+    """Fastest climb of a vehicle like its model if the thrust is off after `HELD_S` of a command."""
+    for _ in range(STEPS):
+        share, climb_m_s = _after_step(share, climb_m_s, command, lag_s)
+    return climb_m_s + GRAVITY_M_S2 * lag_s * (share - 1.0 - math.log(share) if share > 1.0 else 0.0)
+
+
+def _risen(acting: Array, share: float) -> tuple[float, float]:
+    """Height and climb rate of a vehicle under a rotor, whose weight is a share of the hover thrust."""
+    from_floor = acting[int(np.argmax(acting > share)) :]
+    climb_m_s = np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
+    return float(STEP_S * climb_m_s.sum()), float(climb_m_s[-1])
 
 
 FLOOR_TOLERANCE_M: Final = 0.03

@@ -108,7 +108,10 @@ MEANINGS: dict[Condition, Callable[[Moment], z3.BoolRef]] = {
     C.IMPLAUSIBLE: lambda m: z3.And(
         m.facts[C.IMPLAUSIBLE], z3.Or(_grounded(m), z3.Not(m.within(FLYING)))
     ),
-    C.LIFT_OFF: lambda m: z3.And(m.within(FLYING), m.facts[C.LIFT_OFF], z3.Not(MEANINGS[C.AIRBORNE](m))),
+    C.LIFT_OFF: lambda m: z3.And(
+        m.within(FLYING), m.facts[C.LIFT_OFF], z3.Not(m.facts[C.SINKING]), z3.Not(MEANINGS[C.AIRBORNE](m))
+    ),
+    C.SINKING: lambda m: z3.And(m.within(FLYING), m.facts[C.SINKING]),
     C.HOLD_CAUSE: _judged(C.HOLD_CAUSE),
     C.DESCEND_CAUSE: _judged(C.DESCEND_CAUSE),
     C.HOLD_OVER: lambda m: z3.And(m.within({State.HOLD}), m.old("entered_s", LIMITS.hold_limit_s)),
