@@ -232,10 +232,9 @@ class Arbiter:
             }
         found = {condition for condition, true in holds.items() if true}
         self._judge_poses(found, now_s)
-        if state in FLYING and self.lift_off.sinking:
-            self._find(Condition.SINKING, self.lift_off.problem, found)
-        elif state in FLYING and Condition.AIRBORNE not in found:
-            self._find(Condition.LIFT_OFF, self.lift_off.problem, found)
+        if state in FLYING:
+            failing = Condition.SINKING if self.lift_off.sinking else Condition.LIFT_OFF
+            self._find(failing, self.lift_off.problem, found)
         return found
 
     @property
@@ -277,7 +276,8 @@ class Arbiter:
             return
         found.add(Condition.SEEN)
         self._located = True
-        if motion.position_m[2] >= self._floor_m + self.limits.airborne_m:
+        in_air = motion.position_m[2] >= self._floor_m + self.limits.airborne_m
+        if in_air and self.lift_off.problem is None:  # else it is not believed
             found.add(Condition.AIRBORNE)
             self._climb_m_s = motion.velocity_m_s[2]
         fence = self.limits.surveillance.fence
@@ -369,7 +369,7 @@ class Arbiter:
             if motion is not None and not acting.is_low(now_s, self.limits):
                 height_m = motion.position_m[2] - self._floor_m
             target = played_input(acting.command, self._bridging_step)
-            limiter.play(target, now_s, height_m, falls_freely=not self.lift_off.proved)
+            limiter.play(target, now_s, height_m, unproved=not self.lift_off.proved)
         elif self.state is State.HOLD and self.lift_off.proved:
             limiter.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:

@@ -47,13 +47,11 @@ class OutputLimiter:
         self.u = u
         self.hover.begin(hover_thrust, u[THRUST])
 
-    def play(
-        self, target: Input, now_s: float, height_m: float | None, *, falls_freely: bool = False
-    ) -> None:
+    def play(self, target: Input, now_s: float, height_m: float | None, *, unproved: bool = False) -> None:
         """Apply a command within slew rates over the time since the last move, which steps do not use up.
 
         A vehicle at a height above the floor, not None, keeps the thrust that it survives if it is repeated.
-        Thrust that `falls_freely` has no slew rate downwards.
+        The thrust of a lift-off that is `unproved` has none below hover, nor downwards.
         """
         self.law.renew()
         self._braked = 0.0
@@ -66,8 +64,10 @@ class OutputLimiter:
             if wanted != last:
                 most = rate * min(now_s - moved_s, LONGEST_SLEW_STEP_S)
                 self._moved_s[axis] = now_s
-                down = math.inf if falls_freely and axis == THRUST else most
-                value = min(max(wanted, last - down), last + most)
+                low, high = last - most, last + most
+                if axis == THRUST and unproved:
+                    low, high = 0.0, max(last, self.hover.value) + most
+                value = min(max(wanted, low), high)
             limited.append(value)
         self.u = (limited[0], limited[1], limited[2], limited[3])
         if self.u != target:

@@ -91,7 +91,7 @@ class Standing:
         if now_s < self._moved_s + limits.rest_s:
             found.append(
                 f"{name} moves: {1e3 * self._moved_m:.0f} mm on the floor within the last "
-                f"{limits.rest_s:g} s; put it down, or is it the pose of another body?"
+                f"{limits.rest_s:g} s; put it down, or is its pose that of another subject?"
             )
         return found
 

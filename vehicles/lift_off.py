@@ -16,10 +16,14 @@ PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies
 ROSE_M: Final = 0.006  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
+SUNK_M_S: Final = 1.3  # the same for one that has risen and may stand again, heavier than its model
 BRAKED_SHARE: Final = 0.6  # of the hover thrust: a climb is braked without thrust until the rotor is so slow
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
-SINKING_S: Final = 0.8  # time in which a vehicle sinks after a problem
+SINKING_S: Final = 1.2  # time in which a vehicle sinks after a problem
+STOPPED_S: Final = 0.3  # a vehicle that has risen and is not proved yet moves on within this time...
+STOPPED_M: Final = 0.003  # ...by so much
 AVERAGED_S: Final = 0.045  # time of a mean of poses
+STARTED: Final = 0.02  # share of the hover thrust from which on nobody carries the vehicle
 TURNING: Final = 0.2  # share of the hover thrust from which on the rotor may do harm
 REPEATED_S: Final = 0.08  # a position that repeats itself exactly for so long...
 REPEATED: Final = 3  # ...and so often is frozen
@@ -90,8 +94,10 @@ class LiftOffProof:
         self._repeats = 0
         self._tried = False
         self._rise_m = self._climb_m_s = 0.0  # as seen
+        self._rose = False
         self._unseen_m = self._unseen_m_s = 0.0  # height and climb rate of a vehicle like its model
-        self._sunk_s, self._braked = 0.0, False  # since a problem
+        self._sunk_s, self._flew, self._braked = 0.0, False, False  # since a problem
+        self._moved_m, self._moved_s = 0.0, -math.inf  # height at which the vehicle was when it moved last
         self._others: dict[str, _Other] = {}
 
     @property
@@ -108,19 +114,20 @@ class LiftOffProof:
 
     @property
     def sinking(self) -> bool:
-        """Whether a vehicle that has left the floor still sinks to it after a problem."""
+        """Whether a vehicle that may have left the floor still sinks to it after a problem."""
         return self.problem is not None and self._sunk_s < SINKING_S
 
     @property
     def sinking_thrust(self) -> float:
         """Thrust that brings it to the floor gently, without any pose."""
-        return RESTING_SHARE * self._limits.hover_thrust if self._braked else 0.0
+        return RESTING_SHARE * self._limits.hover_thrust if self._flew and self._braked else 0.0
 
     def thrust(self, applied: float, elapsed_s: float, *, stands: bool) -> None:
         """Use the thrust applied for the last `elapsed_s`; a vehicle that `stands` has to prove the next."""
         if stands and self._bounded:
             if self._tried and not self.proved:
                 self._end(NOT_RISEN)
+                self._sunk_s = SINKING_S
             elif self.proved:
                 self.begin()
         self._tried = self._tried or self._acting > WEAK_SHARE * self._limits.hover_thrust
@@ -136,7 +143,7 @@ class LiftOffProof:
             self._sunk_s += elapsed_s
             slow = self._acting < BRAKED_SHARE * self._limits.hover_thrust
             self._braked = self._braked or slow or self._unseen_m_s <= 0.0
-        elif self._unseen_m_s > UNSEEN_M_S and self._rise_m < ROSE_M:
+        elif self._rise_m < ROSE_M and self._unseen_m_s > (SUNK_M_S if self._rose else UNSEEN_M_S):
             self._end(NOT_RISEN)
 
     def own(self, pose: SeenPose, now_s: float) -> None:
@@ -148,17 +155,18 @@ class LiftOffProof:
         self._newest.append((now_s, pose.position_m))
         while self._newest[0][0] < now_s - AVERAGED_S:
             self._newest.popleft()
+        if last is not None and self._acting > STARTED * self._limits.hover_thrust:
+            reach_m = JUMP_M + FASTEST_M_S * min(now_s - last[0], 0.3)
+            if math.dist(last[1], pose.position_m) > reach_m:
+                self._end("its pose jumped")
         if self._stands is None or not self.turning:
             self._stands = _standing(self._stands, pose)
             return
         if last is not None and now_s > last[0] + GAP_S:
-            # Where it slid meanwhile was not seen.
+            # Where it moved meanwhile was not seen.
             x, y, _ = pose.position_m
             self._stands = SeenPose((x, y, self._stands.position_m[2]), self._stands.tilt_rad)
-        if last is not None:
-            reach_m = JUMP_M + FASTEST_M_S * min(now_s - last[0], 0.3)
-            if math.dist(last[1], pose.position_m) > reach_m:
-                self._end("its pose jumped")
+            self._moved_s = now_s
         self._judge(pose, self._stands)
 
     def other(self, name: str, height_m: float, explained_m: float) -> None:
@@ -186,6 +194,7 @@ class LiftOffProof:
         places = [place for _, place in self._newest]
         x, y, z = (math.fsum(axis) / len(places) for axis in zip(*places, strict=True))
         self._rise_m = rise_m = z - stands.position_m[2]
+        self._rose = self._rose or rise_m > ROSE_M
         (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
         if last_s > first_s:
             self._climb_m_s = (last[2] - first[2]) / (last_s - first_s)
@@ -198,6 +207,11 @@ class LiftOffProof:
                 self._sunk_s = SINKING_S  # it would not sink but slide
         if rise_m > MAT_M and not self._tried:
             self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
+        low_m = ROSE_M if self._acting > self._limits.hover_thrust else MAT_M
+        if rise_m < low_m or abs(rise_m - self._moved_m) > STOPPED_M:
+            self._moved_m, self._moved_s = rise_m, last_s
+        elif last_s > self._moved_s + STOPPED_S:
+            self._end("its pose rose and stopped: is its subject another body?")
         self.proved = self.problem is None and rise_m > PROVED_M
 
     def _end(self, problem: str) -> None:
@@ -205,8 +219,7 @@ class LiftOffProof:
             self.problem = problem
             if self._rise_m > ROSE_M:
                 self._unseen_m, self._unseen_m_s = self._rise_m, self._climb_m_s
-            if self._unseen_m <= 0.0:
-                self._sunk_s = SINKING_S
+            self._flew = self._unseen_m > 0.0
 
 
 def _standing(before: SeenPose | None, pose: SeenPose) -> SeenPose:

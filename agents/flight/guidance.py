@@ -34,6 +34,7 @@ from rcopterx.vehicles.phases import AIRBORNE, Effect, Event, Phase, transition
 from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6
+CLIMBING_S = 0.4  # time of its climb at which a vehicle that has lifted begins: it moves already
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5  # shortest transition of an offset, unless a request says otherwise
 PLAN_LIMIT_S = 0.5  # a plan of a leader that is older is not followed; the vehicle holds its place
@@ -149,7 +150,7 @@ class Guidance:
     def lifted(self, estimate: Estimate, time_s: float) -> None:
         """Begin the climb: the vehicle has left the floor."""
         position_m, _ = self.set_point()
-        self._climb_to(position_m, estimate, time_s)
+        self._climb_to(position_m, estimate, time_s - CLIMBING_S)
 
     def _climb_to(self, end_m: Array, estimate: Estimate, time_s: float) -> None:
         """Make the vertical line up to a place the reference."""

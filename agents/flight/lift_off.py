@@ -21,12 +21,12 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, ZD_BODY, Array, Z
 
 SPOOL_UP_S: Final = 0.4
-UNSEEN_M_S: Final = (0.4, 0.5, 0.6, 0.6)
-"""Climb rate that a vehicle like its model reaches in each try if nothing sees it: heavy ones lift later."""
+UNSEEN_M_S: Final = 0.58  # climb rate that a vehicle like its model reaches if nothing sees it
+TRIES: Final = 4  # a receiver may still search its radio, and a lift may not be seen in time
 THRUST_PER_S: Final = 4.0  # rate at which the thrust stick rises, as arbiters permit
 NEAR_FLOOR: Final = 1.05  # by how much more the rotors of a coaxial helicopter lift near the floor
 TRY_S: Final = 1.5  # of a pulse, and until a light vehicle that nothing sees has sunk to the floor
-FAILED_S: Final = SPOOL_UP_S + len(UNSEEN_M_S) * TRY_S
+FAILED_S: Final = SPOOL_UP_S + TRIES * TRY_S
 LIFTED_M: Final = 0.006  # twenty times the noise of a motion capture
 HELD_S: Final = 0.02  # time for which a command is held
 STEPS: Final = 4  # in that time
@@ -45,10 +45,7 @@ class LiftOff:
         near_floor = NEAR_FLOOR if model.airframe == "coaxial" else 1.0
         self._hover = float(model.hover_input[U_THRUST]) / near_floor
         largest = float(model.u_max[U_THRUST]) / self._hover
-        self._tries = [
-            _pulse(self._hover, largest, float(model.lag_s[U_THRUST]), fastest_m_s)
-            for fastest_m_s in UNSEEN_M_S
-        ]
+        self._pulse = _pulse(self._hover, largest, float(model.lag_s[U_THRUST]))
         self._begun_s = math.inf
         self._floor_m = 0.0
 
@@ -74,8 +71,7 @@ class LiftOff:
         elapsed_s = time_s - self._begun_s
         if elapsed_s < 0.0:
             return 0.0
-        pulse, step = self._step(elapsed_s)
-        return self._hover * float(pulse.commanded[step // STEPS])
+        return self._hover * float(self._pulse.commanded[_step(elapsed_s) // STEPS])
 
     def estimate(self, motion: Array, time_s: float) -> Estimate:
         """Return the estimate after lift-off from `motion`, shape (8,)."""
@@ -105,16 +101,8 @@ class LiftOff:
 
     def _acted(self, time_s: float) -> Array:
         """Thrust of the rotor in each step of the present try until now, as a share of the hover thrust."""
-        pulse, step = self._step(max(time_s - self._model.delay_s - self._begun_s, 0.0))
-        return pulse.acting[: step + 1]
-
-    def _step(self, elapsed_s: float) -> tuple["_Pulse", int]:
-        """Pulse and step of it at a time since the beginning."""
-        number, steps = 0, int(elapsed_s / STEP_S + 1e-6)
-        if steps >= SPOOL_UP_STEPS:
-            number, after = divmod(steps - SPOOL_UP_STEPS, TRY_STEPS)
-            steps = SPOOL_UP_STEPS + after
-        return self._tries[min(number, len(self._tries) - 1)], steps
+        step = _step(max(time_s - self._model.delay_s - self._begun_s, 0.0))
+        return self._pulse.acting[: step + 1]
 
     def lifted(self, height_m: float) -> bool:
         """Whether the vehicle has left the floor."""
@@ -123,6 +111,12 @@ class LiftOff:
     def failed(self, time_s: float) -> bool:
         """Whether it has not lifted, and has sunk to the floor if it did so unseen."""
         return time_s > self._begun_s + FAILED_S
+
+
+def _step(elapsed_s: float) -> int:
+    """Step at a time since the beginning of a lift-off, as if it were in its first try."""
+    steps = int(elapsed_s / STEP_S + 1e-6)
+    return steps if steps < SPOOL_UP_STEPS else SPOOL_UP_STEPS + (steps - SPOOL_UP_STEPS) % TRY_STEPS
 
 
 class _Pulse(NamedTuple):
@@ -135,8 +129,8 @@ class _Pulse(NamedTuple):
     acting: Array
 
 
-@lru_cache(maxsize=16)
-def _pulse(hover: float, largest: float, lag_s: float, fastest_m_s: float) -> _Pulse:
+@lru_cache(maxsize=8)
+def _pulse(hover: float, largest: float, lag_s: float) -> _Pulse:
     """Pulse of a rotor with a first-order lag and a hover thrust, `largest` as a share of that."""
     commanded: list[float] = []
     acting: list[float] = []
@@ -150,9 +144,10 @@ def _pulse(hover: float, largest: float, lag_s: float, fastest_m_s: float) -> _P
         elif rising:
             command = min(command + THRUST_PER_S * HELD_S / hover, largest)
             after_m_s = _reached_m_s(share, climb_m_s, command, lag_s)
-            if after_m_s > fastest_m_s:
+            if after_m_s > UNSEEN_M_S:
                 least_m_s = _reached_m_s(share, climb_m_s, 0.0, lag_s)
-                command *= max(fastest_m_s - least_m_s, 0.0) / (after_m_s - least_m_s)
+                part = max(UNSEEN_M_S - least_m_s, 0.0) / (after_m_s - least_m_s)
+                command *= part
                 rising, braking = False, True
         else:
             braking = braking and share > BRAKED_SHARE
@@ -171,10 +166,12 @@ def _after_step(share: float, climb_m_s: float, command: float, lag_s: float) ->
 
 
 def _reached_m_s(share: float, climb_m_s: float, command: float, lag_s: float) -> float:
-    """Fastest climb of a vehicle like its model if the thrust is off after `HELD_S` of a command."""
+    """Fastest climb of a vehicle like its model if it is braked after `HELD_S` of a command."""
     for _ in range(STEPS):
         share, climb_m_s = _after_step(share, climb_m_s, command, lag_s)
-    return climb_m_s + GRAVITY_M_S2 * lag_s * (share - 1.0 - math.log(share) if share > 1.0 else 0.0)
+    while share > 1.0:
+        share, climb_m_s = _after_step(share, climb_m_s, 0.0, lag_s)
+    return climb_m_s
 
 
 def _risen(acting: Array, share: float) -> tuple[float, float]:

@@ -113,6 +113,16 @@ class TakeOffs:
         for _ in range(round(seconds / self.frame_s)):
             self._advance()
 
+    def lifting_share(self, name: str) -> float:
+        """Thrust that lifts a vehicle, which stands, as a share of the hover thrust; infinite for none."""
+        plant, hover = self.plants[name], self.pilots[name].model.hover_thrust
+        for percent in range(60, round(100.0 / hover)):
+            plant.set_input((0.0, 0.0, 0.01 * percent * hover, 0.0))
+            plant.advance(0.4)
+            if not plant.on_floor:
+                return 0.01 * percent
+        return math.inf
+
     def until_flying(self, name: str, limit_s: float) -> float:
         """Run until a vehicle is 0.3 m high; return the time it took, infinite for never."""
         for number in range(round(limit_s / self.frame_s)):

@@ -100,7 +100,9 @@ MEANINGS: dict[Condition, Callable[[Moment], z3.BoolRef]] = {
         *(m.old(age, LIMITS.disarm_after_s) for age in ("low_s", "entered_s")),
     ),
     C.SEEN: _of_pose(C.SEEN),
-    C.AIRBORNE: lambda m: z3.And(_of_pose(C.SEEN)(m), m.facts[C.AIRBORNE]),
+    C.AIRBORNE: lambda m: z3.And(
+        _of_pose(C.SEEN)(m), m.facts[C.AIRBORNE], z3.Not(m.facts[C.LIFT_OFF]), z3.Not(m.facts[C.SINKING])
+    ),
     C.RUNAWAY: lambda m: z3.And(_of_pose(C.SEEN)(m), m.facts[C.RUNAWAY], m.within(ON_THE_WAY_DOWN)),
     C.TOUCHDOWN: lambda m: z3.And(
         _of_pose(C.SEEN)(m), m.facts[C.TOUCHDOWN], m.within(ON_THE_WAY_DOWN), z3.Not(m.facts[C.RUNAWAY])
@@ -108,9 +110,7 @@ MEANINGS: dict[Condition, Callable[[Moment], z3.BoolRef]] = {
     C.IMPLAUSIBLE: lambda m: z3.And(
         m.facts[C.IMPLAUSIBLE], z3.Or(_grounded(m), z3.Not(m.within(FLYING)))
     ),
-    C.LIFT_OFF: lambda m: z3.And(
-        m.within(FLYING), m.facts[C.LIFT_OFF], z3.Not(m.facts[C.SINKING]), z3.Not(MEANINGS[C.AIRBORNE](m))
-    ),
+    C.LIFT_OFF: lambda m: z3.And(m.within(FLYING), m.facts[C.LIFT_OFF], z3.Not(m.facts[C.SINKING])),
     C.SINKING: lambda m: z3.And(m.within(FLYING), m.facts[C.SINKING]),
     C.HOLD_CAUSE: _judged(C.HOLD_CAUSE),
     C.DESCEND_CAUSE: _judged(C.DESCEND_CAUSE),

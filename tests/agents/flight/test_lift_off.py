@@ -28,8 +28,8 @@ CONTROL_S = 0.02
 GROUND_EFFECT_M = 0.1
 STEP_S = 0.002
 HIGHEST_M, HARDEST_M_S = 0.15, 1.0  # of a vehicle like its model that nothing sees
-LIGHT, LIGHT_HIGHEST_M, LIGHT_HARDEST_M_S = 0.88, 0.36, 1.0
-HEAVY = 1.25
+LIGHT, LIGHT_HIGHEST_M, LIGHT_HARDEST_M_S = 0.9, 0.36, 1.0
+HEAVY = 1.22
 
 
 def near_floor_of(model: Model) -> float:
