@@ -127,8 +127,9 @@ def test_gateway_that_reads_through_the_library_publishes_the_same_poses(tmp_pat
         laboratory(library, "router", "tracker") as seen_by_library,
     ):
         wait_for(lambda: len(seen_by_library()) > 100, "no poses", START_S)
-    places = {rounded(pose): pose for pose in seen().values()}
-    poses = seen_by_library()
+    # The simulated laboratory hides vehicles for a moment now and then.
+    places = {rounded(pose): pose for pose in seen().values() if not pose.occluded}
+    poses = {key: pose for key, pose in seen_by_library().items() if not pose.occluded}
     # Latest wins in both: on a busy machine they may miss different frames.
     both = [pose for pose in poses.values() if rounded(pose) in places]
     assert len(both) > 50
@@ -136,7 +137,7 @@ def test_gateway_that_reads_through_the_library_publishes_the_same_poses(tmp_pat
         assert near(pose, places[rounded(pose)])
         # Latencies have a resolution of 2^-20 s.
         assert pose.latency_s == pytest.approx(0.004, abs=2.0**-21)
-        assert (pose.period_s, pose.occluded) == (0.02, False)
+        assert pose.period_s == 0.02
     assert {name for name, _ in poses} == {"h1", "h2"}
 
 
