@@ -231,6 +231,7 @@ class Arbiter:
                 Condition.LOW_COMMANDED: stream.is_low(now_s, limits),
             }
         found = {condition for condition, true in holds.items() if true}
+        self._find(Condition.GIVEN_UP, None if stream is None else stream.command.given_up, found)
         self._judge_poses(found, now_s)
         if state in FLYING:
             failing = Condition.SINKING if self.lift_off.sinking else Condition.LIFT_OFF

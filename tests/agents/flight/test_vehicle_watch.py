@@ -123,7 +123,7 @@ def test_a_rotor_that_becomes_weak_is_noticed_within_two_seconds(left: float) ->
     flown.gain[U_THRUST] = left
     fault = flown.holding(2.0)
     assert fault is not None
-    assert (fault.kind, fault.axis) == ("thrust_lost", None)
+    assert (fault.kind, fault.axes) == ("thrust_lost", ())
 
 
 @pytest.mark.parametrize("left", [1.2, 0.8])
