@@ -78,7 +78,7 @@ def test_an_axis_without_effect_and_a_reversed_one_are_told_apart(
         flown = Flown(period_s=period_s)
         assert flown.holding(2.0) is None
         flown.gain[axis] = gain
-        assert flown.fly(1.5, held(axis, value)) == VehicleFault(kind, text, axis)
+        assert flown.fly(1.5, held(axis, value)) == VehicleFault(kind, text, (axis,))
 
 
 sticks = st.floats(-1.0, 1.0)
