@@ -1,4 +1,4 @@
-"""Vehicles whose sticks act the wrong way land from the first 0.3 m: true heights of the simulated vehicles."""
+"""Vehicles whose sticks act the wrong way land from the first 0.3 m: true heights in the simulator."""
 
 import math
 from collections.abc import Callable
