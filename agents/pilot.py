@@ -17,7 +17,7 @@ from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.agents.estimation import EstimatorGuard, StampedMeasurement, StateEstimation
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.lift_off import LiftOff
-from rcopterx.agents.flight.sign_proof import SETTLING_S, SignProof
+from rcopterx.agents.flight.sign_proof import CLIMB_AFTER_S, PROOF_M, SETTLING_S, SignProof
 from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputHistory, as_sent
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
@@ -344,7 +344,10 @@ class Pilot:
     def _hand_over(self, time_s: float) -> None:
         """Hand the vehicle, which has left the floor, over to the controller."""
         self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
-        self.guidance.lifted(self.estimate, time_s)
+        # It climbs once its sticks have been proved, or nearly so.
+        above = self.estimate.motion.copy()
+        above[Z] += PROOF_M
+        self.guidance.lifted(self.estimate._replace(motion=above), time_s + CLIMB_AFTER_S)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
         carrying[U_THRUST] = self._lift_off.carrying_thrust(self.estimate.motion, time_s)

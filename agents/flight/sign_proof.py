@@ -46,6 +46,8 @@ ROUND_S: Final = PULSE_S * len(PULSES) + 0.14  # pulses and the answer to the la
 PULSE_M_S2: Final = 0.8  # acceleration that a pulse of pitch or roll asks for
 PULSE_RAD_S: Final = 1.0  # yaw rate that it asks for
 LARGEST_PULSE: Final = 0.5  # of the room of a stick
+PROOF_M: Final = 0.08  # height above the floor meanwhile
+CLIMB_AFTER_S: Final = 0.45  # so long after the lift-off the climb begins
 SETTLING_S: Final = 0.4  # after an interruption the vehicle settles before the proof begins again
 LIFTED_S: Final = 0.08  # a vehicle has left the floor so long before that is seen
 
