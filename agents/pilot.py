@@ -353,7 +353,7 @@ class Pilot:
         carrying[U_THRUST] = self._lift_off.carrying_thrust(self.estimate.motion, time_s)
         self._lift_off.end()
         self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
-        self._signs.begin(time_s, lifted=True)
+        self._signs.begin(time_s, lifted=True, floor_m=self._lift_off.floor_m)
         self._start_controller(self.estimation.compensated(self.model), carrying)
 
     def _start_controller(self, estimate: Estimate, last_input: Array) -> None:

@@ -46,8 +46,9 @@ ROUND_S: Final = PULSE_S * len(PULSES) + 0.14  # pulses and the answer to the la
 PULSE_M_S2: Final = 0.8  # acceleration that a pulse of pitch or roll asks for
 PULSE_RAD_S: Final = 1.0  # yaw rate that it asks for
 LARGEST_PULSE: Final = 0.5  # of the room of a stick
+CLEAR_M: Final = 0.006  # a vehicle that is lower may stand on the floor and answer no pulse
 PROOF_M: Final = 0.08  # height above the floor meanwhile
-CLIMB_AFTER_S: Final = 0.45  # so long after the lift-off the climb begins
+CLIMB_AFTER_S: Final = 0.6  # so long after the lift-off the climb begins
 SETTLING_S: Final = 0.4  # after an interruption the vehicle settles before the proof begins again
 LIFTED_S: Final = 0.08  # a vehicle has left the floor so long before that is seen
 
@@ -86,16 +87,17 @@ class SignProof:
         wanted = np.array((PULSE_M_S2, PULSE_M_S2, PULSE_RAD_S / turning_s))
         self._sizes = np.minimum(wanted / model.b[STICKS], LARGEST_PULSE * model.stick_room[STICKS])
         self._open: set[int] = set()  # sticks that are not proved
-        self._rounds, self._lifted = 0, False
+        self._rounds, self._lifted, self._clear_m = 0, False, -math.inf
 
     @property
     def under_way(self) -> bool:
         """Whether a stick has still to be proved."""
         return bool(self._open)
 
-    def begin(self, time_s: float, *, lifted: bool) -> None:
+    def begin(self, time_s: float, *, lifted: bool, floor_m: float = -math.inf) -> None:
         """Begin, now or later: the vehicle has `lifted`, or flies again after an interruption."""
         self._open, self._rounds, self._lifted = set(STICKS), 0, lifted
+        self._clear_m = floor_m + CLEAR_M
         self._begin_round(time_s)
 
     def end(self) -> None:
@@ -152,7 +154,10 @@ class SignProof:
                 applied = np.array((0.0, 0.0, *two))
                 self._turning[number] = predict(self._model, self._turning[number], applied, duration_s)
         self._until_s = max(self._until_s, time_s)
-        if measurement is not None:
+        if measurement is not None and measurement.position_m[2] < self._clear_m:
+            self._rounds, self._lifted = self._rounds - 1, False
+            self._begin_round(time_s)
+        elif measurement is not None:
             self._use(measurement, self._yaw_rad, time_s - self._begun_s)
 
     def _tilt(self, number: int, x: float, y: float, duration_s: float) -> None:
