@@ -271,14 +271,13 @@ class Arbiter:
             self._details[condition] = detail
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
-        motion = self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)
-        if motion is None:
+        if (motion := self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)) is None:
             self._touchdown.release()
             return
         found.add(Condition.SEEN)
         self._located = True
-        in_air = motion.position_m[2] >= self._floor_m + self.limits.airborne_m
-        if in_air and self.lift_off.problem is None:  # else it is not believed
+        airborne_m = self._floor_m + self.limits.airborne_m
+        if motion.position_m[2] >= airborne_m and self.lift_off.problem is None:  # else not believed
             found.add(Condition.AIRBORNE)
             self._climb_m_s = motion.velocity_m_s[2]
         fence = self.limits.surveillance.fence
@@ -326,8 +325,7 @@ class Arbiter:
             self._enter(row, now_s)
         acting = stream if self.state is State.ARMED else None
         played = 0 if acting is None else bridging
-        if played > self._bridging_step:
-            self.counters["planned inputs played"] += played - self._bridging_step
+        self.counters["planned inputs played"] += max(played - self._bridging_step, 0)
         self._bridging_step = played
         return acting
 
@@ -366,9 +364,8 @@ class Arbiter:
         limiter, motion = self._limiter, self._motion
         limiter.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
-            height_m = None
-            if motion is not None and not acting.is_low(now_s, self.limits):
-                height_m = motion.position_m[2] - self._floor_m
+            seen = motion is not None and not acting.is_low(now_s, self.limits)
+            height_m = motion.position_m[2] - self._floor_m if motion is not None and seen else None
             target = played_input(acting.command, self._bridging_step)
             limiter.play(target, now_s, height_m, unproved=not self.lift_off.proved)
         elif self.state is State.HOLD and self.lift_off.proved:
@@ -384,8 +381,7 @@ class Arbiter:
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
-        if self._event_s is None:
-            self._event_s = self._found_event_s()
+        self._event_s = self._found_event_s() if self._event_s is None else self._event_s
         return self._event_s
 
     def _found_event_s(self) -> float:
@@ -398,7 +394,7 @@ class Arbiter:
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
-        if self.state is State.LAND and self.pose_monitor.own_track is not None:
-            times.append(self.pose_monitor.own_track.captured_s + limits.landing.pose_age_s)
-            times.append(self._landing_since_s + limits.landing.longest_s)
+        if self.state is State.LAND and (own := self.pose_monitor.own_track) is not None:
+            landing = limits.landing
+            times += [own.captured_s + landing.pose_age_s, self._landing_since_s + landing.longest_s]
         return min([time_s for time_s in times if time_s > self._now_s], default=math.inf)

@@ -65,7 +65,7 @@ class TakeOff:
         assert self.arbiter.command(command, self.now_s).accepted
 
 
-@pytest.mark.parametrize(("begins_s", "pause_s"), [(0.1, 0.04), (0.2, 0.3), (0.3, 0.3)])
+@pytest.mark.parametrize(("begins_s", "pause_s"), [(0.1, 0.04), (0.2, 0.3), (0.3, 0.2)])
 def test_vehicle_takes_off_although_its_commands_pause_on_the_floor(begins_s: float, pause_s: float) -> None:
     flight = TakeOff()
     flight.run(ARMED_AT_S)
