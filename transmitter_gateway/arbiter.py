@@ -231,7 +231,6 @@ class Arbiter:
                 Condition.LOW_COMMANDED: stream.is_low(now_s, limits),
             }
         found = {condition for condition, true in holds.items() if true}
-        self._find(Condition.GIVEN_UP, None if stream is None else stream.command.given_up, found)
         self._judge_poses(found, now_s)
         if state in FLYING:
             failing = Condition.SINKING if self.lift_off.sinking else Condition.LIFT_OFF
@@ -271,13 +270,14 @@ class Arbiter:
             self._details[condition] = detail
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
-        if (motion := self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)) is None:
+        motion = self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)
+        if motion is None:
             self._touchdown.release()
             return
         found.add(Condition.SEEN)
         self._located = True
-        airborne_m = self._floor_m + self.limits.airborne_m
-        if motion.position_m[2] >= airborne_m and self.lift_off.problem is None:  # else not believed
+        in_air = motion.position_m[2] >= self._floor_m + self.limits.airborne_m
+        if in_air and self.lift_off.problem is None:  # else it is not believed
             found.add(Condition.AIRBORNE)
             self._climb_m_s = motion.velocity_m_s[2]
         fence = self.limits.surveillance.fence
@@ -325,7 +325,8 @@ class Arbiter:
             self._enter(row, now_s)
         acting = stream if self.state is State.ARMED else None
         played = 0 if acting is None else bridging
-        self.counters["planned inputs played"] += max(played - self._bridging_step, 0)
+        if played > self._bridging_step:
+            self.counters["planned inputs played"] += played - self._bridging_step
         self._bridging_step = played
         return acting
 
@@ -364,8 +365,9 @@ class Arbiter:
         limiter, motion = self._limiter, self._motion
         limiter.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
-            seen = motion is not None and not acting.is_low(now_s, self.limits)
-            height_m = motion.position_m[2] - self._floor_m if motion is not None and seen else None
+            height_m = None
+            if motion is not None and not acting.is_low(now_s, self.limits):
+                height_m = motion.position_m[2] - self._floor_m
             target = played_input(acting.command, self._bridging_step)
             limiter.play(target, now_s, height_m, unproved=not self.lift_off.proved)
         elif self.state is State.HOLD and self.lift_off.proved:
@@ -381,7 +383,8 @@ class Arbiter:
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
-        self._event_s = self._found_event_s() if self._event_s is None else self._event_s
+        if self._event_s is None:
+            self._event_s = self._found_event_s()
         return self._event_s
 
     def _found_event_s(self) -> float:
@@ -394,7 +397,7 @@ class Arbiter:
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
-        if self.state is State.LAND and (own := self.pose_monitor.own_track) is not None:
-            landing = limits.landing
-            times += [own.captured_s + landing.pose_age_s, self._landing_since_s + landing.longest_s]
+        if self.state is State.LAND and self.pose_monitor.own_track is not None:
+            times.append(self.pose_monitor.own_track.captured_s + limits.landing.pose_age_s)
+            times.append(self._landing_since_s + limits.landing.longest_s)
         return min([time_s for time_s in times if time_s > self._now_s], default=math.inf)

@@ -39,7 +39,6 @@ class AcceptedCommand(Struct, frozen=True):
     u: Input
     next_u: tuple[Input, ...]
     period_s: float
-    given_up: str | None = None
 
 
 class Stream(Struct):
@@ -122,7 +121,7 @@ class CommandValidator:
             if isinstance(checked, Rejection):
                 return checked
             inputs.append(checked)
-        return AcceptedCommand(Cause(*numbers), inputs[0], tuple(inputs[1:]), float(period), command.given_up)
+        return AcceptedCommand(Cause(*numbers), inputs[0], tuple(inputs[1:]), float(period))
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input, or return the worst reason against it: form, then finiteness, then limits."""
