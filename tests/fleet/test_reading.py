@@ -98,7 +98,7 @@ def test_merging_keeps_every_value_and_the_upper_table_wins(base: dict, over: di
         (ONE.replace("vehicles.h1", "vehicles.tracker"), r"vehicles\.tracker: the name is reserved"),
         (ONE.replace("vehicles.h1", "vehicles.fleet"), r"vehicles\.fleet: the name is reserved"),
         (ONE + "[gateways.router]", r"gateways\.router: the name is reserved"),
-        (ONE + "[gateways.recall]", r"gateways\.recall: the name is reserved"),
+        (ONE + "[gateways.checkpoint]", r"gateways\.checkpoint: the name is reserved"),
         (ONE + "[gateways.host_service]", r"gateways\.host_service: the name is reserved"),
         (ONE + "[gateways.script]", r"gateways\.script: the name is reserved"),
         (ONE + "[bus]\nrealtime_priority = 99", r"bus\.realtime_priority"),
