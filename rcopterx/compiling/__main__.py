@@ -58,13 +58,19 @@ def _compile_modules() -> list[_Result]:
     compiler.Announcer.announced = True
     fork = multiprocessing.get_context("fork")
     try:
-        # Ctrl-C ends the forks without a word.
-        with ProcessPoolExecutor(
-            os.cpu_count(), fork, signal.signal, (signal.SIGINT, signal.SIG_DFL)
-        ) as pool:
-            return list(pool.map(_compile_module, MODULES))
+        with ProcessPoolExecutor(os.cpu_count(), fork, _end_by_interrupt) as pool:
+            # The forks are all begun here; Ctrl-C waits until each of them ends by it without a word.
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            results = pool.map(_compile_module, MODULES)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            return list(results)
     except BrokenProcessPool as error:
         return [_Result(str(error))]
+
+
+def _end_by_interrupt() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _compile_module(module: str) -> _Result:
