@@ -8,14 +8,15 @@ NEEDED_PROTOCOL = 12  # of firmware from 2026.04 on; older ones report no state
 SILENT_S = 1.0
 REARMING_S = 0.5  # for so long a vehicle that stands may be neither armed nor ready to be armed
 FALL_BACKS = 2  # so many armings that the firmware ended by itself before it could fly are a refusal
-COMPLAINTS = "[FAIL]", "required"  # end of lines of the console that say why the firmware does not fly
+COMPLAINT = "[FAIL]"  # end of lines of the console that say why the firmware does not arm
+LONGEST_LINE = 120  # of which the end is kept
 
 
 class FirmwareReports:
     """The newest reports since the link was opened.
 
     `state`: None before the first one. `complaint`: last line of the console that says why the firmware does
-    not fly; empty before the first one. `fall_backs`: armings that it ended before it could fly.
+    not arm; empty before the first one, and once it can fly. `fall_backs`: armings that it ended before that.
     """
 
     def __init__(self) -> None:
@@ -44,13 +45,14 @@ class FirmwareReports:
             if state.armed or state.can_be_armed:
                 self._usable_s = now_s
             if state.can_fly:
-                self._flyable_s = now_s
+                self._flyable_s, self.complaint = now_s, ""
             return True
         return False
 
     def _print(self, text: str) -> None:
-        *lines, self._line = (self._line + text.replace("\0", "")).split("\n")
-        self.complaint = next((line for line in reversed(lines) if line.endswith(COMPLAINTS)), self.complaint)
+        ended = (self._line + text.replace("\0", "")).split("\n")
+        *lines, self._line = (line[-LONGEST_LINE:] for line in ended)
+        self.complaint = next((line for line in reversed(lines) if line.endswith(COMPLAINT)), self.complaint)
 
     def problem(self, now_s: float, *, armed: bool, thrusts: bool) -> str | None:
         """Why the firmware would not fly; None if it would. `armed`, `thrusts`: what the frames ask for."""

@@ -10,7 +10,7 @@ from rcopterx.radios.crazyflie import (
     CrazyflieProtocol,
     CrazyflieSettings,
 )
-from rcopterx.radios.crazyflie_reports import REARMING_S, SILENT_S
+from rcopterx.radios.crazyflie_reports import LONGEST_LINE, REARMING_S, SILENT_S, FirmwareReports
 from rcopterx.radios.protocol import FrameFlags, ProtocolError
 from rcopterx.radios.set_points import AttitudeSetPoint
 
@@ -158,6 +158,27 @@ def test_the_console_says_why_the_firmware_does_not_arm() -> None:
     protocol.encode(HOVER)
     reported(protocol, crtp.SupervisorState(armed=True))
     assert protocol.status(0.0).text.endswith("SUP: M2 arming RPM check (3000-12000rpm) [FAIL]")
+
+
+def test_a_console_without_line_ends_does_not_grow_and_hides_no_later_line() -> None:
+    reports = FirmwareReports()
+    for _ in range(1000):
+        reports.take(crtp.Packet(crtp.CONSOLE, 0, b"x" * 30), 0.0)
+    for part in (b"\nSUP: M1 arming RPM ", b"check [FAIL]\n"):
+        reports.take(crtp.Packet(crtp.CONSOLE, 0, part), 0.0)
+    assert reports.complaint == "SUP: M1 arming RPM check [FAIL]"
+    reports.take(crtp.Packet(crtp.CONSOLE, 0, 1000 * b"y" + b"[FAIL]\n"), 0.0)
+    assert len(reports.complaint) <= LONGEST_LINE
+
+
+def test_what_the_console_said_before_a_flight_explains_no_later_refusal() -> None:
+    reports = FirmwareReports()
+    reports.take(crtp.Packet(crtp.CONSOLE, 0, b"M1 blocked [FAIL]\n"), 0.0)
+    reports.take(crtp.SupervisorState(armed=True, can_fly=True).packet(), 1.0)
+    reports.take(crtp.Packet(crtp.CONSOLE, 0, b"SUP: Crashed, recovery required\n"), 2.0)
+    reports.take(crtp.SupervisorState(armed=True).packet(), 60.0)
+    problem = reports.problem(60.1, armed=True, thrusts=True)
+    assert problem == "the firmware did not arm: its motors have not spun up"
 
 
 def test_a_successor_counts_the_vehicle_as_ready_until_it_is_silent() -> None:
