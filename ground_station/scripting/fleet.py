@@ -1,7 +1,7 @@
 """The scripting interface of a fleet: every call is a request on the bus."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -34,8 +34,8 @@ FIRMWARE_DISARM_S = 5.0  # for firmware that has to detect the landing first
 STATUS_S = 1.0  # by then every vehicle has reported its state
 MEASURING_S = 60.0  # how long a take-off waits for hosts that measure how many vehicles they can fly
 NOT_LIFTED = (
-    "did not lift at 1.38 times the thrust at which its model hovers: charge the battery, see that motors "
-    "run, then find the hover thrust by rcopterx calibrate --step throttle"
+    "did not lift: charge the battery, see that motors run, then find the hover thrust by "
+    "rcopterx calibrate --step throttle"
 )
 STAY_BEHIND_S = 5.0  # a take-off waits so long for all vehicles before it leaves others behind
 
@@ -136,7 +136,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         except NotReachedError:
             for name in vehicles:
                 if not (armed(name) or self.state_of(name).airborne):
-                    self[name].disarm()
+                    with suppress(RefusedError, RequestFailedError):
+                        self[name].disarm()
             raise
 
     def _retry(self, request: Callable[[], None], deadline_s: float) -> None:

@@ -45,6 +45,7 @@ class ScriptedVehicle:
         self.phase = "ground"
         self.state = "disarmed"
         self.ready = True
+        self.armed: bool | None = None
         self.pose_problems: tuple[str, ...] = ()
         self.pose_age_s = 0.01
         self.refusals: dict[str, str] = {}
@@ -152,6 +153,7 @@ class ScriptedVehicle:
             link="open",
             module="module speaks",
             ready=self.ready,
+            armed=self.armed,
             pose_problems=self.pose_problems,
         )
 
