@@ -106,10 +106,10 @@ def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: 
 
 
 @part
-def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
-    """Return a vector turned by an angle."""
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return c * x - s * y, s * x + c * y
+def in_body(heading_rad: float, x: float, y: float) -> tuple[float, float]:
+    """Return a vector of the inertial frame in the frame of a body, R(psi)' v; with -psi the other way."""
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    return c * x + s * y, c * y - s * x
 
 
 @compiled(MOTION_MODEL, *4 * [ANY_VECTOR], NUMBER, COUNT)
@@ -205,9 +205,9 @@ def _predict_tilted(
         model, before, estimate.actuator, applied_input, estimate.disturbance, step_s, steps
     )
     start_rad, end_rad = before[YAW], motion[YAW]
-    velocity = _turned(before[XD_BODY], before[YD_BODY], start_rad)
+    velocity = in_body(-start_rad, before[XD_BODY], before[YD_BODY])
     x = np.concatenate((before[:2], np.array(velocity), core, servo, wind, trim))
     x, _ = predict_lateral(lateral, x, applied_input[:2], 0.5 * (start_rad + end_rad))
     motion[X], motion[Y] = x[X], x[Y]
-    motion[XD_BODY], motion[YD_BODY] = _turned(x[2], x[3], -end_rad)
+    motion[XD_BODY], motion[YD_BODY] = in_body(end_rad, x[2], x[3])
     return motion, actuator, x

@@ -12,7 +12,6 @@ factor of the solver stays as long as no bound is active. The planned heading tu
 bounded in the body frame, velocities and sticks, and the cost where the weights of both axes differ.
 """
 
-import math
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -25,17 +24,11 @@ from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeig
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.models.lateral import CORE_FROM, lateral_system
+from rcopterx.control.models.prediction import in_body
 from rcopterx.control.references.columns import X_ACCELERATION, X_RATE
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Solution, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, YD_BODY, Array, heading_matrix
-
-
-@part
-def in_body(heading_rad: float, x: float, y: float) -> tuple[float, float]:
-    """Return a vector of the inertial frame in the frame of a body, R(psi)' v; with -psi the other way."""
-    c, s = math.cos(heading_rad), math.sin(heading_rad)
-    return c * x + s * y, c * y - s * x
 
 
 class LateralProblem(Protocol):
