@@ -320,11 +320,12 @@ class Pilot:
 
     def _hand_over(self, time_s: float) -> None:
         """Hand the vehicle, which has left the floor, over to the controller."""
-        self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
+        lifted, carrying_thrust = self._lift_off.handed_over(self.estimate.motion, time_s)
+        self.estimator.take_over(lifted)
         self.guidance.lifted(self.estimate, time_s)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
-        carrying[U_THRUST] = self._lift_off.carrying_thrust(self.estimate.motion, time_s)
+        carrying[U_THRUST] = carrying_thrust
         self._lift_off.end()
         self._start_controller(self.estimation.compensated(self.model), carrying)
 

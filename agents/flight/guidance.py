@@ -168,8 +168,7 @@ class Guidance:
             return None
         place_m, yaw_rad = estimate.motion[:3].copy(), float(estimate.motion[YAW])
         self.task.source = descent(place_m, self.task.floor_m, yaw_rad, time_s)
-        self._touchdown.floor_m = self.task.floor_m
-        self._touchdown.begin()
+        self._touchdown.begin(self.task.floor_m)
         self.on_event(Event.LAND, estimate, time_s)
         return None
 

@@ -73,19 +73,18 @@ class LiftOff:
             return 0.0
         return self._hover * float(self._pulse.commanded[_step(elapsed_s) // STEPS])
 
-    def estimate(self, motion: Array, time_s: float) -> Estimate:
-        """Return the estimate after lift-off from `motion`, shape (8,)."""
+    def handed_over(self, motion: Array, time_s: float) -> tuple[Estimate, float]:
+        """Return the estimate of a vehicle that is seen to have lifted now, and the thrust that carries it.
+
+        `motion` is as estimated on the floor, shape (8,).
+        """
         share, climb_m_s = self._carrying(float(motion[Z]) - self._floor_m, time_s)
         climbing = motion.copy()
         climbing[ZD_BODY] = climb_m_s
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
         actuator[U_THRUST] = self._hover * self._acted(time_s)[-1]
         disturbance[U_THRUST] = self._model.gravity_m_s2 - self._model.b[U_THRUST] * self._hover * share
-        return Estimate(climbing, actuator, disturbance)
-
-    def carrying_thrust(self, motion: Array, time_s: float) -> float:
-        """Return the thrust that carries a vehicle which is seen to have lifted now."""
-        return self._hover * self._carrying(float(motion[Z]) - self._floor_m, time_s)[0]
+        return Estimate(climbing, actuator, disturbance), self._hover * share
 
     def _carrying(self, risen_m: float, time_s: float) -> tuple[float, float]:
         """Share of the hover thrust that carries a vehicle that has risen so far, and its climb rate."""
@@ -192,21 +191,21 @@ class Touchdown:
     """Watches one vehicle."""
 
     def __init__(self) -> None:
-        self.floor_m = 0.0  # height of the vehicle before its take-off; 0 after a restart in flight
+        self._floor_m = 0.0
         self._since_s: float | None = None
 
-    def begin(self) -> None:
-        """Watch a landing from its beginning."""
-        self._since_s = None
+    def begin(self, floor_m: float) -> None:
+        """Watch a landing from its beginning; `floor_m` is the height at which the vehicle stood, or 0."""
+        self._floor_m, self._since_s = floor_m, None
 
     def happened(self, motion: Array, reference_m: float, time_s: float) -> bool:
         """Return whether the vehicle stands, by its motion, shape (8,), and the height of its reference."""
         height_m = float(motion[Z])
-        at_floor = abs(height_m - self.floor_m) < FLOOR_TOLERANCE_M
-        if at_floor and reference_m < self.floor_m - BELOW_FLOOR_M:
+        at_floor = abs(height_m - self._floor_m) < FLOOR_TOLERANCE_M
+        if at_floor and reference_m < self._floor_m - BELOW_FLOOR_M:
             # Pushed against a floor that its model does not know, a vehicle may bounce and never be slow.
             return True
-        low = height_m < self.floor_m + FLOOR_TOLERANCE_M or height_m > reference_m + STUCK_DEPTH_M
+        low = height_m < self._floor_m + FLOOR_TOLERANCE_M or height_m > reference_m + STUCK_DEPTH_M
         if not low or abs(motion[ZD_BODY]) >= FLOOR_SPEED_M_S:
             self._since_s = None
             return False

@@ -118,11 +118,11 @@ def test_the_height_of_a_lift_shows_the_weight_and_the_climb_rate(
     lift_off.begin(0.0, 0.0)
     motion[Z] = heights_m[lifted]
     now_s = lifted * STEP_S + model.delay_s
-    carrying = lift_off.carrying_thrust(motion, now_s)
+    lifted_off, carrying = lift_off.handed_over(motion, now_s)
     share = carrying * near_floor_of(model) / float(model.hover_input[U_THRUST])
     assert math.isclose(share, weight, rel_tol=0.08)
     climb_m_s = (heights_m[lifted] - heights_m[lifted - 1]) / STEP_S
-    assert math.isclose(lift_off.estimate(motion, now_s).motion[ZD_BODY], climb_m_s, abs_tol=0.1)
+    assert math.isclose(lifted_off.motion[ZD_BODY], climb_m_s, abs_tol=0.1)
 
 
 @given(models, times_s, st.floats(0.0, 5.0))
