@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from rcopterx.ground_station.acceptance import pages
 from rcopterx.ground_station.report.document import table
+from rcopterx_studies.faults.promise import Promise
 from rcopterx_studies.faults.reports import Report, not_flown, worst_of
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
@@ -55,12 +56,15 @@ def cells(report: Report) -> tuple[str, ...]:
     """A row of the matrix, one cell for each of `HEADINGS`."""
     down = ", ".join(report["down"])
     promise = report["promise"] + (f": {down}" if down else "")
-    flying = {name: seen for name, seen in report["vehicles"].items() if name not in report["down"]}
+    seen = report["seen"]
+    flying = {name: one for name, one in report["vehicles"].items() if name not in report["down"]}
+    if flying and report["promise"] == Promise.STAYS_DOWN.value:
+        seen, flying = f"at most {_largest(flying, 'highest_m', 2)} m high", {}
     return (
         report["name"],
         report["title"],
         promise,
-        report["problem"] or report["seen"],
+        report["problem"] or seen,
         _largest(flying, "deviation_mm", 0),
         _largest(flying, "silence_ms", 0),
         _largest(report["vehicles"], "touchdown_m_s", 2),

@@ -48,6 +48,19 @@ def test_vehicles_that_come_down_count_for_the_touchdown_only() -> None:
     )  # fmt: skip
 
 
+def test_take_offs_that_share_a_row_of_the_page_show_the_largest_height_and_the_hardest_touchdown() -> None:
+    rows = [row for row in FAULT_FLIGHTS.values() if row.on_page[0] == "take-off-frozen-*"]
+    stood = SeenFlight(100, 2.0, None, None, 40.0, ("disarmed",), ended="disarmed")
+    hopped = replace(stood, deviation_mm=130.0, touchdown_m_s=0.9)
+    reports = [
+        report_of(row, {"h1": replace(seen, highest_m=highest_m)}, None, 5.0)
+        for row, seen, highest_m in zip(rows, (stood, hopped), (0.01, 0.13), strict=False)
+    ]
+    lines = matrix.markdown_of({report["name"]: report for report in reports}).splitlines()
+    (line,) = [line for line in lines if "take-off-frozen" in line]
+    assert line.endswith("| stays on the floor | at most 0.13 m high |  |  | 0.90 |")
+
+
 def test_a_row_that_ended_early_or_was_not_flown_has_not_passed() -> None:
     assert flown("bus-loss", "no spare process")["verdict"] == "failed"
     assert report_of(FAULT_FLIGHTS["bus-loss"], {}, None, 1.0)["verdict"] == "failed"
