@@ -6,7 +6,6 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
@@ -15,7 +14,7 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from rcopterx.bus.requests import Fly, Follow, GoTo, TakeOff
+from rcopterx.bus.requests import Follow, GoTo, TakeOff
 from rcopterx.command_line import PLACES, app
 from rcopterx.commands.fleet_option import chosen_host
 from rcopterx.fleet.reading import fleet_path, load_fleet, shipped_fleets
@@ -189,41 +188,6 @@ def test_a_wrong_fleet_file_is_a_usage_error_that_names_the_field_and_starts_not
 
 def free() -> str:
     return own_address().endpoints[0].rpartition(":")[2]
-
-
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"t,x,y\n", b"1,2,3,4,five\n", None])
-def test_a_waypoint_file_that_is_none_is_a_usage_error(content: bytes | None, tmp_path: Path) -> None:
-    path = tmp_path / "tour.csv"
-    if content is not None:
-        path.write_bytes(content)
-    result = run("trajectory", "h1", "waypoints", str(path))
-    assert result.exit_code == 2
-    assert "tour.csv" in plain(result)
-
-
-TABLES = Path(__file__).parents[1] / "fixtures" / "text_files"
-
-
-@pytest.mark.parametrize("name", ["bom.csv", "blank_tail.csv"])
-def test_a_waypoint_file_reads_the_same_whatever_program_has_written_it(name: str, tmp_path: Path) -> None:
-    result = run("trajectory", "h1", "waypoints", str(TABLES / name), "--plot", str(tmp_path / "tour.svg"))
-    assert result.exit_code == 0, result.output
-    assert "7.0 s" in result.stdout
-
-
-def test_decimal_commas_of_a_waypoint_file_are_refused_with_their_line() -> None:
-    result = run("trajectory", "h1", "waypoints", str(TABLES / "german.csv"))
-    assert result.exit_code == 2
-    assert "line 3: '0,4' has a decimal comma, write 0.4" in plain(result)
-
-
-def test_headings_of_a_waypoint_file_turn_the_nearest_way(up: str, vehicles: Vehicles) -> None:
-    file = str(TABLES / "wrap.csv")
-    assert run("trajectory", "--fleet", up, "h1", "waypoints", file).exit_code == 0
-    (request,) = vehicles["h1"].requests
-    assert isinstance(request, Fly)
-    yaw_deg = np.degrees(request.knots.to_numpy()[:, 4])
-    assert 19.0 < yaw_deg.max() - yaw_deg.min() < 25.0
 
 
 def test_negative_coordinates_need_no_dashes_and_misspelt_options_are_still_refused(
