@@ -17,12 +17,18 @@ class Rule(NamedTuple):
     right: str
 
 
-LOSS_S: Final = 0.3, 1.0  # without set points: a gateway restarts in less, and a vehicle drifts away in more
 THRUST_BIT: Final = 8
+
+
+def _short(loss_s: float, _: MavlinkSettings) -> bool:
+    """Whether a failsafe is neither reached while a gateway restarts, nor so late that the vehicle is far."""
+    return 0.3 <= loss_s <= 1.0
+
+
 RULES: Final[dict[int, tuple[Rule, ...]]] = {
     ARDUPILOT: (
         Rule("GUID_OPTIONS", lambda value, _: bool(int(value) & THRUST_BIT), "8, thrust of set points"),
-        Rule("GUID_TIMEOUT", lambda value, _: LOSS_S[0] <= value <= LOSS_S[1], "0.5 s"),
+        Rule("GUID_TIMEOUT", _short, "0.5 s"),
         Rule("FS_GCS_ENABLE", lambda value, _: value > 0, "5, land without the gateway"),
         Rule("MAV_GCS_SYSID", lambda value, settings: value == settings.own_system, "own_system"),
         Rule("SYSID_MYGCS", lambda value, settings: value == settings.own_system, "own_system"),
@@ -30,7 +36,7 @@ RULES: Final[dict[int, tuple[Rule, ...]]] = {
         Rule("ANGLE_MAX", lambda value, settings: value >= 100 * settings.full_tilt_deg, "full_tilt_deg"),
     ),
     PX4: (
-        Rule("COM_OF_LOSS_T", lambda value, _: LOSS_S[0] <= value <= LOSS_S[1], "0.5 s"),
+        Rule("COM_OF_LOSS_T", _short, "0.5 s"),
         Rule("MC_YAWRATE_MAX", lambda value, s: value >= s.full_yaw_rate_deg_s, "full_yaw_rate_deg_s"),
     ),
 }
@@ -70,4 +76,4 @@ class ParameterCheck:
         """Which parameters forbid a flight, or that not all are read; None if all are right."""
         if self._wrong:
             return f"parameters of the autopilot: {'; '.join(self._wrong)}"
-        return "the parameters of the autopilot are read" if self._left else None
+        return "the parameters of the autopilot are being read" if self._left else None

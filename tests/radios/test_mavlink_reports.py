@@ -52,7 +52,7 @@ def test_a_parameter_that_forbids_flights_is_named(name: str, value: float, word
 def test_parameters_are_requested_some_times_and_unknown_ones_are_not_awaited() -> None:
     peer = Peer(parameters={"COM_OF_LOSS_T": math.nan})
     peer.heartbeat()
-    assert peer.text == "the parameters of the autopilot are read"
+    assert peer.text == "the parameters of the autopilot are being read"
     requested = [
         each.param_id
         for _ in range(60)
