@@ -365,9 +365,8 @@ class Arbiter:
         limiter, motion = self._limiter, self._motion
         limiter.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
-            height_m = None
-            if motion is not None and not acting.is_low(now_s, self.limits):
-                height_m = motion.position_m[2] - self._floor_m
+            flies = motion is not None and not acting.is_low(now_s, self.limits)
+            height_m = motion.position_m[2] - self._floor_m if motion is not None and flies else None
             target = played_input(acting.command, self._bridging_step)
             limiter.play(target, now_s, height_m, unproved=not self.lift_off.proved)
         elif self.state is State.HOLD and self.lift_off.proved:
@@ -397,7 +396,7 @@ class Arbiter:
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
-        if self.state is State.LAND and self.pose_monitor.own_track is not None:
-            times.append(self.pose_monitor.own_track.captured_s + limits.landing.pose_age_s)
-            times.append(self._landing_since_s + limits.landing.longest_s)
+        if self.state is State.LAND and (own := self.pose_monitor.own_track) is not None:
+            landing = limits.landing
+            times += [own.captured_s + landing.pose_age_s, self._landing_since_s + landing.longest_s]
         return min([time_s for time_s in times if time_s > self._now_s], default=math.inf)

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
 class FleetTime:
     """Time that passes by itself."""
 
-    waits = (
-        False  # whether it waits for processes: then none of them hangs, and none has to be replaced at once
-    )
+    waits = False
+    """Whether it waits for processes: then none of them hangs, and none has to be replaced at once."""
     lived_s: Callable[[str], float] | None = None
     """Returns, once, for how long a process that has died took turns [s]."""
 

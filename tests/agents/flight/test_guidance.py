@@ -23,7 +23,7 @@ from rcopterx.agents.flight.guidance import TAKE_OFF_SPEED_M_S, Guidance
 from rcopterx.agents.flight.lift_off import FLOOR_TIME_S
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.set_points import SetPointReference
+from rcopterx.control.references.set_points import ProfileTransition, SetPointReference
 from rcopterx.formation.law import FollowedLeader
 from rcopterx.vehicles.phases import AIRBORNE, TRANSITIONS, Event, Phase, transition
 
@@ -181,7 +181,9 @@ def test_an_agent_that_restarted_in_flight_finds_a_floor_it_does_not_know() -> N
     path = guidance.task.source.sample(0.0, PERIOD_S, 500).position_m[:, 2]
     (touchdown_s,) = land(guidance, np.maximum(path, 0.12))
     assert guidance.phase is Phase.ARMED
-    assert touchdown_s < guidance.task.source.path.duration_s  # type: ignore[attr-defined]  # a transition
+    descent = guidance.task.source
+    assert isinstance(descent, ProfileTransition)
+    assert touchdown_s < descent.path.duration_s
 
 
 def test_a_vehicle_in_the_air_that_follows_its_descent_has_not_landed() -> None:
