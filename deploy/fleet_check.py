@@ -24,7 +24,13 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     from rcopterx.fleet.vehicle_models import limits_of
 
     for name in fleet.vehicles:
-        _check_watchdog(fleet, name, limits_of(fleet, name).descend_after_s)
+        descend_after_s = limits_of(fleet, name).descend_after_s
+        # Else a hung agent is killed only after its vehicle has begun to land.
+        if fleet.watchdog.enabled and fleet.watchdog.flight_s >= descend_after_s:
+            raise FleetError(
+                f"watchdog.flight_s: {fleet.watchdog.flight_s:g} must be shorter than descend_after_s = "
+                f"{descend_after_s:g} of {name}, after which it lands without commands"
+            )
         check_period(fleet, name)
         pilot_of(fleet, name)
     first = next(iter(fleet.vehicles))
@@ -37,15 +43,6 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
         from rcopterx.deploy.roles.simulator import simulator_settings
 
         simulator_settings(fleet, directory)
-
-
-def _check_watchdog(fleet: FleetFile, vehicle: str, descend_after_s: float) -> None:
-    """Refuse a watchdog that kills a hung agent only after its vehicle has begun to land."""
-    if fleet.watchdog.enabled and fleet.watchdog.flight_s >= descend_after_s:
-        raise FleetError(
-            f"watchdog.flight_s: {fleet.watchdog.flight_s:g} must be shorter than descend_after_s = "
-            f"{descend_after_s:g} of {vehicle}, after which it lands without commands"
-        )
 
 
 def check_in_process(fleet: FleetFile, directory: Path, forks: ForkServer) -> None:

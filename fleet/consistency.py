@@ -7,12 +7,7 @@ from typing import Final
 
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
 from rcopterx.bus.processes import RESERVED_PROCESSES
-from rcopterx.fleet.schema import (
-    FleetError,
-    FleetFile,
-    check_known,
-    is_loopback,
-)
+from rcopterx.fleet.schema import FleetError, FleetFile, check_known, is_loopback
 from rcopterx.user_text import is_ipv6
 
 LARGEST_M: Final = 100.0  # of the coordinates of a flight volume, which is indoors
@@ -32,10 +27,11 @@ def _check_vehicles(fleet: FleetFile) -> None:
         raise FleetError(f"name: {EVERY_FLEET!r} means every fleet, choose another one")
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
-    for group, names, reserved in (
+    reserved_names = (
         ("vehicles", fleet.vehicles, FIXED_UNITS),
         ("gateways", fleet.gateways, RESERVED_PROCESSES),
-    ):
+    )
+    for group, names, reserved in reserved_names:
         for name in names:
             if name in reserved:
                 raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
@@ -74,22 +70,19 @@ def _check_hosts(fleet: FleetFile) -> None:
             raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")
         if fleet.simulator is not None and address == fleet.tracker.address:
             raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
-    uses = {"tracker.host": fleet.tracker.host}
-    if fleet.log.host is not None:
-        uses["log.host"] = fleet.log.host
-    if fleet.simulator is not None:
-        uses["simulator.host"] = fleet.simulator.host
+    uses = {"tracker.host": fleet.tracker.host, "log.host": fleet.log.host}
+    uses["simulator.host"] = None if fleet.simulator is None else fleet.simulator.host
     uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}
-    uses |= {f"vehicles.{name}.host": vehicle.host for name, vehicle in fleet.vehicles.items()}
-    for name, vehicle in fleet.vehicles.items():
-        uses |= {f"vehicles.{name}.spares[{n}]": spare for n, spare in enumerate(vehicle.spares)}
     for where, used in uses.items():
-        check_known(where, "host", used, fleet.hosts)
+        if used is not None:
+            check_known(where, "host", used, fleet.hosts)
     for name, vehicle in fleet.vehicles.items():
-        hosts = fleet.agent_hosts(name)
+        check_known(f"vehicles.{name}.host", "host", vehicle.host, fleet.hosts)
         for number, spare in enumerate(vehicle.spares):
-            if spare in hosts[: number + 1]:
-                raise FleetError(f"vehicles.{name}.spares[{number}]: {spare!r} runs its agent already")
+            where = f"vehicles.{name}.spares[{number}]"
+            check_known(where, "host", spare, fleet.hosts)
+            if spare in fleet.agent_hosts(name)[: number + 1]:
+                raise FleetError(f"{where}: {spare!r} runs its agent already")
         gateway = vehicle.transmitter.gateway
         check_known(f"vehicles.{name}.transmitter.gateway", "gateway", gateway, fleet.gateways)
         if fleet.simulator is not None and fleet.gateways[gateway].host != fleet.simulator.host:

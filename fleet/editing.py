@@ -22,13 +22,10 @@ DIGITS = 4
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
     """Change a vehicle's calibration; return a line for each changed field. `FleetError`: nothing written."""
-
-    def present(file: FleetFile) -> dict[str, Any]:
-        plain: dict[str, Any] = msgspec.to_builtins(calibration_of(file, vehicle))
-        return plain
-
-    keys = ("vehicles", vehicle, "transmitter", "calibration")
-    return _rewrite(path, keys, present, msgspec.to_builtins(calibration), inline=True)
+    keys, after = ("vehicles", vehicle, "transmitter", "calibration"), msgspec.to_builtins(calibration)
+    return _rewrite(
+        path, keys, lambda file: msgspec.to_builtins(calibration_of(file, vehicle)), after, inline=True
+    )
 
 
 def fitted_parameters(model: Model) -> dict[str, Any]:
@@ -40,11 +37,8 @@ def fitted_parameters(model: Model) -> dict[str, Any]:
 
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
     """Change a model's `FITTED` fields, rounded to `DIGITS`; return lines of changes, or `FleetError`."""
-
-    def present(file: FleetFile) -> dict[str, Any]:
-        return fitted_parameters(model_of(file, vehicle))
-
-    return _rewrite(path, ("vehicles", vehicle, "model"), present, fitted_parameters(model), inline=False)
+    keys, after = ("vehicles", vehicle, "model"), fitted_parameters(model)
+    return _rewrite(path, keys, lambda file: fitted_parameters(model_of(file, vehicle)), after, inline=False)
 
 
 def _rewrite(
@@ -58,7 +52,9 @@ def _rewrite(
     """Change `present` in a fleet file to `after`, return the changes; a missing table is created."""
     path = _own(path)
     before, document = present(load_fleet(path)), tomlkit.parse(text_of(path))
-    table = _table(document, keys, inline)
+    table: Any = document
+    for key in keys:
+        table = table.setdefault(key, tomlkit.inline_table() if inline else tomlkit.table())
     new = not table
     lines = _set_numbers(table, before, after, "", complete=inline)
     if not lines:
@@ -121,16 +117,6 @@ def _own(path: Path) -> Path:
 def check_own(path: Path) -> None:
     """Check that a fleet file can be read and changed."""
     load_fleet(_own(path))
-
-
-def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) -> Any:
-    """Return a table of a document, created if missing."""
-    table: Any = document
-    for key in keys:
-        if key not in table:
-            table[key] = tomlkit.inline_table() if inline else tomlkit.table()
-        table = table[key]
-    return table
 
 
 def _replace(path: Path, text: str) -> None:

@@ -25,8 +25,7 @@ def formation_places(fleet: FleetFile) -> dict[str, Array]:
 
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     """Check distances and room of each formation at heading zero; raises `FleetError`."""
-    links = links_of(fleet)
-    where = formation_places(fleet)
+    links, where = links_of(fleet), formation_places(fleet)
     for name, other in combinations(fleet.vehicles, 2):
         if roots(links, name) != roots(links, other):
             continue

@@ -361,9 +361,7 @@ class FleetFile(Table, frozen=True, kw_only=True):
     def transmitters_on(self, host: str) -> tuple[str, ...]:
         """Return the vehicles whose transmitter gateways run on a host."""
         return tuple(
-            name
-            for name, vehicle in self.vehicles.items()
-            if self.gateways[vehicle.transmitter.gateway].host == host
+            name for name, one in self.vehicles.items() if self.gateways[one.transmitter.gateway].host == host
         )
 
     def router_port(self, host: str) -> int:

@@ -7,13 +7,7 @@ from rcopterx.fleet.reading import merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import battery_limits, type_of
 from rcopterx.radios.battery import BatteryLimits
-from rcopterx.radios.limits import (
-    ArbiterLimits,
-    Fence,
-    LandingLimits,
-    StandingLimits,
-    SurveillanceLimits,
-)
+from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, StandingLimits, SurveillanceLimits
 from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST

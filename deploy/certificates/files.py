@@ -25,10 +25,8 @@ def program_name(vehicle: str) -> str:
 
 def people(fleet: FleetFile) -> list[str]:
     """Return the names of the certificates of operators, then of watchers."""
-    security = fleet.security
-    return [f"operator.{name}" for name in security.operators] + [
-        f"watcher.{name}" for name in security.watchers
-    ]
+    groups = (("operator", fleet.security.operators), ("watcher", fleet.security.watchers))
+    return [f"{group}.{name}" for group, names in groups for name in names]
 
 
 def certificate_names(fleet: FleetFile) -> list[str]:
@@ -72,11 +70,9 @@ def own_name(fleet: FleetFile, host: str) -> str | None:
     `RCOPTERX_CERTIFICATE` names it (or `FleetError`); else it is that of the host, or the first readable of
     operators, watchers and other hosts.
     """
-    directory = directory_of(fleet)
-    if directory is None:
+    if (directory := directory_of(fleet)) is None:
         return None
-    chosen = os.environ.get(CHOICE)
-    if chosen:
+    if chosen := os.environ.get(CHOICE):
         if not readable(directory, chosen):
             raise FleetError(f"{CHOICE}: {key_path(directory, chosen)} cannot be read")
         return chosen

@@ -112,16 +112,12 @@ def issue(
     """
     key = ec.generate_private_key(ec.SECP256R1())
     names = [_address(address) for address in addresses]
+    server = [ExtendedKeyUsageOID.SERVER_AUTH] if names else []
     builder = (
         _builder(_name(name), authority.certificate.subject, key, now, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs_certificates=False), critical=True)
-        .add_extension(
-            x509.ExtendedKeyUsage(
-                [ExtendedKeyUsageOID.CLIENT_AUTH, *([ExtendedKeyUsageOID.SERVER_AUTH] if names else [])]
-            ),
-            critical=False,
-        )
+        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH, *server]), critical=False)
     )
     if names:
         builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
@@ -139,16 +135,9 @@ def due(directory: Path, name: str, addresses: Collection[str], now: datetime) -
     present = read_certificate(path)
     if present.not_valid_after_utc - now < timedelta(days=RENEW_DAYS):
         return "expires soon"
-    if _addresses(present) != {_address(address) for address in addresses}:
-        return "other address"
-    return None
-
-
-def _addresses(certificate: x509.Certificate) -> set[x509.GeneralName]:
-    try:
-        return set(certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value)
-    except x509.ExtensionNotFound:
-        return set()
+    names = [item.value for item in present.extensions if isinstance(item.value, x509.SubjectAlternativeName)]
+    same = {name for own in names for name in own} == {_address(address) for address in addresses}
+    return None if same else "other address"
 
 
 def _address(address: str) -> x509.GeneralName:

@@ -11,11 +11,8 @@ def subjects(fleet: FleetFile, here: str) -> list[Subject]:
     steering = operator_seats(fleet)
     found = [Subject(None, host_seats(fleet, here))]
     found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
-    found += [Subject(agent_name(vehicle), (Seat("agent", (vehicle,)),)) for vehicle in fleet.vehicles]
-    found += [
-        Subject(program_name(vehicle), (Seat(EXTERNAL_INPUT.publisher, (vehicle,)),))
-        for vehicle in fleet.vehicles
-    ]
+    for name, role in ((agent_name, "agent"), (program_name, EXTERNAL_INPUT.publisher)):
+        found += [Subject(name(vehicle), (Seat(role, (vehicle,)),)) for vehicle in fleet.vehicles]
     found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
     return found
 
@@ -28,14 +25,9 @@ def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
 
 def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
     """Return the permissions of a host, by its roles in the fleet file."""
-    agents = fleet.agents_on(host)
-    seats = [
-        Seat("router", host=host),
-        Seat("recorder", host=host),
-        Seat("launcher", host=host),
-        Seat("agent", agents, host),
-        Seat("transmitter_gateway", fleet.transmitters_on(host)),
-    ]
+    seats = [Seat(role, host=host) for role in ("router", "recorder", "launcher")]
+    seats.append(Seat("agent", fleet.agents_on(host), host))
+    seats.append(Seat("transmitter_gateway", fleet.transmitters_on(host)))
     if fleet.tracker.host == host:
         seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))
     if fleet.simulator is not None and fleet.simulator.host == host:

@@ -12,7 +12,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.access import Seat, published_keys, requested_keys
+from rcopterx.bus.access import published_keys, requested_keys
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
 from rcopterx.bus.session import SILENT_SHARE, BusAddress, opened
@@ -48,32 +48,21 @@ def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -
     """Try to publish and request what is not permitted, `here`, with each readable certificate."""
     seats = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
     seats += operator_seats(fleet)
+    published, requested = published_keys(fleet.name, seats), requested_keys(fleet.name, seats)
     with closing(opened(address, ANSWER_S)) as listener:
         for subject in subjects(fleet, here):
-            if subject.certificate is None:
-                rogue = opened(address, ANSWER_S)
-            elif readable(directory, subject.certificate):
+            endpoint = address
+            if subject.certificate is not None:
+                if not readable(directory, subject.certificate):
+                    continue
                 shown = credentials(directory, subject.certificate)
                 endpoint = BusAddress((fleet.endpoint(here),), fleet.name, address.namespace, "", shown)
-                rogue = opened(endpoint, ANSWER_S)
-            else:
-                continue
-            with closing(rogue):
-                yield from _tried(fleet.name, subject.name, subject.seats, seats, rogue, listener)
-
-
-def _tried(
-    fleet: str,
-    name: str,
-    own: Sequence[Seat],
-    seats: Sequence[Seat],
-    rogue: zenoh.Session,
-    listener: zenoh.Session,
-) -> Iterator[Result]:
-    forbidden = _beyond(published_keys(fleet, seats), published_keys(fleet, own))
-    yield from _results(name, "publish", _published(forbidden, rogue, listener))
-    forbidden = _beyond(requested_keys(fleet, seats), requested_keys(fleet, own))
-    yield from _results(name, "request", {key: _permitted(key, rogue) for key in forbidden})
+            with closing(opened(endpoint, ANSWER_S)) as rogue:
+                forbidden = _beyond(published, published_keys(fleet.name, subject.seats))
+                yield from _results(subject.name, "publish", _published(forbidden, rogue, listener))
+                forbidden = _beyond(requested, requested_keys(fleet.name, subject.seats))
+                permitted = {key: _permitted(key, rogue) for key in forbidden}
+                yield from _results(subject.name, "request", permitted)
 
 
 def _results(name: str, verb: str, permitted: Mapping[str, bool | None]) -> Iterator[Result]:

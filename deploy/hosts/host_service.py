@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -48,10 +48,9 @@ class HostService(Service):
         self._capacity, self._events, self._logs = capacity, events, logs
         self._home = frozenset(home)
         self.started = begin is None  # whether the processes of the host run, and not only its daemon
-        agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
-        self._begin = begin
-        self._supervisor = supervisor
-        self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
+        self._begin, self._supervisor = begin, supervisor
+        children = supervisor.children.values()
+        self._agents = {child.spec.unit: child for child in children if child.spec.role == AGENT}
         self._turns, self._stalled_s = 0, 0.0
         self._attempt = Attempts(self._session.clock)
         self._report_at_s = self._reported_s = 0.0  # the latter in real time
@@ -81,11 +80,18 @@ class HostService(Service):
             self._events.extend(self._attempt("reporting", partial(self._report, elapsed_s)))
 
     def _reply(self, incoming: Incoming) -> None:
-        incoming.answer(self._answer_or_error(incoming.request))
+        try:
+            reply = self._answer(incoming.request)
+        except Exception as error:  # noqa: BLE001 - whatever fails, the next request is answered
+            reason = f"the launcher of {self._host} failed: {error}"[:MAX_TEXT]
+            reply = Reply(accepted=False, reason=reason)
+        incoming.answer(reply)
 
     def _report(self, elapsed_s: float) -> None:
         self._check_supervisor(elapsed_s)
-        self._publish_events()
+        while self._events:
+            event = LauncherEvent(text=self._events.popleft()[:MAX_TEXT])
+            self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
         self._session.publish(channels.LAUNCHER, self._host, self._status())
 
     def _check_supervisor(self, elapsed_s: float) -> None:
@@ -96,17 +102,6 @@ class HostService(Service):
         if before_s < LAND_AFTER_S <= self._stalled_s:
             self._events.append(f"launcher: has not checked its processes for {LAND_AFTER_S:g} s; landing")
             self._supervisor.land()
-
-    def _publish_events(self) -> None:
-        while self._events:
-            event = LauncherEvent(text=self._events.popleft()[:MAX_TEXT])
-            self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
-
-    def _answer_or_error(self, request: object) -> Reply:
-        try:
-            return self._answer(request)
-        except Exception as error:  # noqa: BLE001 - whatever fails, the next request is answered
-            return Reply(accepted=False, reason=f"the launcher of {self._host} failed: {error}"[:MAX_TEXT])
 
     def _answer(self, request: object) -> Reply:
         if isinstance(request, StartHost):
@@ -138,7 +133,8 @@ class HostService(Service):
         return Reply(accepted=True, reason=f"{self._host} is started")
 
     def _stop_host(self) -> Reply:
-        flying = [vehicle for vehicle in tuple(self._statuses.inboxes) if self._phase(vehicle) in AIRBORNE]
+        statuses = {vehicle: self._last_status(vehicle) for vehicle in tuple(self._statuses.inboxes)}
+        flying = [name for name, status in statuses.items() if status and status.phase in AIRBORNE]
         if flying:
             return Reply(accepted=False, reason=f"{', '.join(sorted(flying))} in the air; land first")
         self.started = False
@@ -153,11 +149,10 @@ class HostService(Service):
             self._want(child, True)
             return Reply(accepted=True, reason=reason)
         if isinstance(request, StopVehicle):
-            phase = self._phase(vehicle)
-            if phase in AIRBORNE and not self._flies_elsewhere(vehicle):
-                return Reply(
-                    accepted=False, reason=f"{vehicle} is in the air, its phase is {phase}; land it first"
-                )
+            status = self._last_status(vehicle)
+            if status and status.phase in AIRBORNE and status.host in (None, self._host):
+                reason = f"{vehicle} is in the air, its phase is {status.phase}; land it first"
+                return Reply(accepted=False, reason=reason)
             self._want(child, False)
             return Reply(accepted=True, reason=f"{vehicle} leaves")
         if child.wanted:
@@ -174,14 +169,6 @@ class HostService(Service):
         """Whether the commands of an agent of this host are late."""
         statuses = (self._last_status(vehicle) for vehicle in self._agents)
         return any(status is not None and status.late_share > LATE_SHARE for status in statuses)
-
-    def _phase(self, vehicle: str) -> str:
-        status = self._last_status(vehicle)
-        return "unknown" if status is None else status.phase
-
-    def _flies_elsewhere(self, vehicle: str) -> bool:
-        status = self._last_status(vehicle)
-        return status is not None and status.host not in (None, self._host)
 
     def _last_status(self, vehicle: str) -> AgentStatus | None:
         inbox = self._statuses.inboxes.get(vehicle)

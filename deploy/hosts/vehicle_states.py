@@ -58,10 +58,11 @@ def _remove_abandoned(own: Path) -> None:
             if states == own or not owner.is_symlink() or owner.exists():
                 continue
             for page in states.iterdir():
-                if page != owner and not page.name.startswith(LOCKSTEP):
+                if page == owner:
+                    continue
+                if not page.name.startswith(LOCKSTEP):
                     open_page(page).close()
-                if page != owner:
-                    page.unlink()
+                page.unlink()
             _remove_empty(states)
 
 

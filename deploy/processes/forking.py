@@ -116,9 +116,8 @@ class ForkServer:
         speed: float = 1.0,
     ) -> None:
         self._words = (str(priority), ",".join(modules))
-        self._speed = speed
+        self._speed, self._clock = speed, clock
         self._pilots: tuple[str, ...] = ()
-        self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: socket.socket | None = None
         self._start_s = -math.inf

@@ -18,8 +18,7 @@ class ProcessLogs:
     def __init__(
         self, directory: Path, names: Iterable[str] = (), positions: Mapping[str, int] | None = None
     ) -> None:
-        self._directory = directory
-        self._names = set(names)
+        self._directory, self._names = directory, set(names)
         self.positions = dict(positions or {})  # number of bytes of each file that have been read
         self._times: dict[Path, str] = {}
 

@@ -128,16 +128,17 @@ class Supervisor:
     def _launch(self, child: Child, log_path: Path) -> None:
         self._prepare_at_s = 0.0
         spec, take_over = child.spec, child.take_over
-        process = self.spares.take(spec.role, spec.unit, log_path, self._is_responsive, take_over=take_over)
+
+        def responsive(pid: int) -> bool:
+            return self.watchdog.silent_s(pid) <= SPARE_SILENCE_S
+
+        process = self.spares.take(spec.role, spec.unit, log_path, responsive, take_over=take_over)
         if process is None:
             process = self._forks.start(spec.command(self._snapshot, take_over=take_over), log_path)
         child.take_over = False
         child.process = process
         child.started_s = self._clock()
         self._selector.register(process.descriptor, selectors.EVENT_READ, spec.name)
-
-    def _is_responsive(self, process: int) -> bool:
-        return self.watchdog.silent_s(process) <= SPARE_SILENCE_S
 
     def watch(self, timeout_s: float) -> list[str]:
         """Start and stop what shall be, kill what hangs, restart what dies; return lines for the user."""
@@ -218,9 +219,7 @@ class Supervisor:
     def _start_and_stop(self) -> list[str]:
         """End unwanted children in stopping order, and start those that have become wanted."""
         lines = []
-        leaving = [
-            child for child in self.children.values() if not child.wanted and child.process is not None
-        ]
+        leaving = [child for child in self.children.values() if not child.wanted and child.process]
         first = min((child.spec.stop_order for child in leaving), default=0)
         for child in leaving:
             if child.spec.stop_order == first:
@@ -266,9 +265,8 @@ class Supervisor:
         child.restart_at_s = self._clock() + restart_pause_s(child.quick_deaths)
         cause = f"killed by {signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
         if verdict is not None:
-            cause = (
-                f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
-            )
+            silence = f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed"
+            cause = f"{silence}; {cause}"
         return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
 
     def _age_s(self, name: str) -> float:

@@ -82,11 +82,8 @@ def steps(fleet: FleetFile, fleet_path: Path, host: str, login: Login, wheel: Pa
     directory = directory_of(fleet)
     if directory is not None:
         there = str(fleet.security.certificates).removeprefix("~/")
-        for name, mode in (
-            (f"{AUTHORITY}.pem", 0o644),
-            (f"{host_name(host)}.pem", 0o644),
-            (f"{host_name(host)}.key", 0o600),
-        ):
+        for name in (f"{AUTHORITY}.pem", f"{host_name(host)}.pem", f"{host_name(host)}.key"):
+            mode = 0o600 if name.endswith(".key") else 0o644
             yield _file(f"{there}/{name}", (directory / name).read_bytes(), mode)
     yield _file(f"{DIRECTORY}/{unit_name(fleet)}", unit.encode(), 0o644)
     yield _enabled(unit_name(fleet))

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
@@ -18,20 +17,14 @@ from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, agent_process
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.formation.placement import Room
 from rcopterx.formation.succession import Succession
 
-
-class _Prepared(NamedTuple):
-    fleet: FleetFile
-    pilots: dict[tuple[str, str], tuple[AgentSettings, Pilot]]  # by vehicle and host
-
-
-_prepared: _Prepared | None = None  # in the fork server and the processes that it starts
+_Pilots = dict[tuple[str, str], tuple[AgentSettings, Pilot]]  # by vehicle and host
+_prepared: tuple[FleetFile, _Pilots] | None = None  # in the fork server and the processes that it starts
 
 
 def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
@@ -50,21 +43,21 @@ def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
     """Build pilots of a host in place of earlier ones, except those with plug-ins; may raise `FleetError`."""
     global _prepared
     _prepared = None
-    fleet, pilots = load_fleet(snapshot), {}
+    fleet, pilots = load_fleet(snapshot), _Pilots()
     for name in vehicles:
         control = fleet.vehicles[name].control
         if control.controller in CONTROLLERS.built_in and control.estimator in ESTIMATORS.built_in:
             pilots[name, host] = pilot_of(fleet, name, host)
-    _prepared = _Prepared(fleet, pilots)
+    _prepared = fleet, pilots
 
 
 def prepared_pilot(
     fleet: FleetFile, name: str, host: str | None = None
 ) -> tuple[AgentSettings, Pilot] | None:
     """Return the prepared settings and pilot of a vehicle on a host (default: that of the file), if any."""
-    if _prepared is None or fleet != _prepared.fleet:
+    if _prepared is None or fleet != _prepared[0]:
         return None
-    return _prepared.pilots.get((name, host or fleet.vehicles[name].host))
+    return _prepared[1].get((name, host or fleet.vehicles[name].host))
 
 
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
@@ -80,16 +73,15 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
     """Return the settings of a vehicle's agent on a host, by default that of the fleet file."""
     vehicle = fleet.vehicles[name]
     control, avoidance = vehicle.control, fleet.avoidance
-    links = links_of(fleet)
     models = {other: model_of(fleet, other) for other in fleet.vehicles}
+    distance_m = limits_of(fleet, name).surveillance.minimum_distance_m
+    ellipsoid = SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m)
     return AgentSettings(
         bus=bus_address(fleet, host or vehicle.host, agent_process(name)),
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
         model=models[name],
-        room=Room(
-            fleet.volume.min_m, fleet.volume.max_m, limits_of(fleet, name).surveillance.minimum_distance_m
-        ),
+        room=Room(fleet.volume.min_m, fleet.volume.max_m, distance_m),
         configuration=Configuration(
             control.controller,
             control.estimator,
@@ -99,12 +91,10 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         period_s=control.period_s,
         leader_wait_s=control.leader_wait_s,
         deviation_share=control.deviation_share,
-        following=links[name],
+        following=tuple(vehicle.follow),
         models=models,
         succession=succession_of(fleet, name),
-        separation=SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m)
-        if avoidance.enabled
-        else None,
+        separation=ellipsoid if avoidance.enabled else None,
         hover_thrust_limits=hover_thrust_limits_of(fleet, name),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )

@@ -1,5 +1,7 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -24,12 +26,19 @@ USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 
 def run(fleet: FleetFile, _host: str) -> None:
     """Publish the poses of the motion capture; raises `FleetError`."""
-    try:
+    with _field_named(fleet):
         run_tracker_gateway(tracker_settings(fleet))
+
+
+@contextmanager
+def _field_named(fleet: FleetFile) -> Iterator[None]:
+    """Turn a missing library, or a recording that cannot be made, into `FleetError` with the field."""
+    try:
+        yield
     except RecordingFileError as error:
         raise FleetError(f"tracker.record_raw: {error}") from None
     except LibraryMissingError as error:
-        raise FleetError(f"tracker.brand: {error}") from None
+        raise FleetError(f"tracker.brand: {fleet.tracker.brand!r}: {error}") from None
 
 
 def tracker_settings(fleet: FleetFile) -> TrackerSettings:
@@ -107,16 +116,10 @@ def raw_recording(fleet: FleetFile) -> Path | None:
 
 def check_motion_capture(fleet: FleetFile) -> None:
     """Check the library of the brand and that the recording can be created; `FleetError` names the field."""
-    try:
+    with _field_named(fleet):
         if brand_of(fleet) is not None:
             from rcopterx.vicon_gateway.brands import check_library
 
             check_library()
-    except LibraryMissingError as error:
-        raise FleetError(f"tracker.brand: {fleet.tracker.brand!r}: {error}") from None
-    path = raw_recording(fleet)
-    try:
-        if path is not None:
+        if (path := raw_recording(fleet)) is not None:
             check_creatable(path)
-    except RecordingFileError as error:
-        raise FleetError(f"tracker.record_raw: {error}") from None

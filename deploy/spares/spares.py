@@ -55,11 +55,9 @@ class Spares:
         priority: int = 0,
         clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
     ) -> None:
-        self._forks = forks
-        self._jobs, self._command, self._log = jobs, command, log
+        self._forks, self._jobs, self._command, self._log = forks, jobs, command, log
         self._count = count if jobs else 0
-        self._priority = priority
-        self._clock = clock
+        self._priority, self._clock = priority, clock
         self._spares: list[_Spare] = []
 
     def prepare(self) -> None:
