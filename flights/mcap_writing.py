@@ -45,10 +45,7 @@ class McapFile:
     def __init__(self, file: BinaryIO) -> None:
         self.file = file
         self._writer = Writer(
-            file,
-            chunk_size=sys.maxsize,
-            index_types=IndexType.ALL ^ IndexType.MESSAGE,
-            enable_data_crcs=True,
+            file, chunk_size=sys.maxsize, index_types=IndexType.ALL ^ IndexType.MESSAGE, enable_data_crcs=True
         )
         self._writer.start(library=LIBRARY)
         self._tables: list[tuple[str, dict[str, str]]] = []

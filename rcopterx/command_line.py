@@ -5,6 +5,7 @@ from importlib import import_module
 from typing import Annotated, Any, Final
 
 import typer
+from typer import Option
 from typer.core import TyperGroup
 
 from rcopterx.commands.extensions import STUDIES, added_command, added_commands
@@ -111,8 +112,7 @@ def _show_version(wanted: bool) -> None:
 def _common(
     context: typer.Context,
     version: Annotated[  # noqa: ARG001 - its callback shows it
-        bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Show version and commit."),
+        bool, Option("--version", callback=_show_version, is_eager=True, help="Show version and commit.")
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:

@@ -45,13 +45,7 @@ class Flown:
     problem: str | None = None  # why the manoeuvre ended early, None if it did not
 
 
-def fly(
-    manoeuvre: Manoeuvre,
-    fleet: Fleet,
-    say: Say,
-    wait: Wait,
-    stop: Stop | None = None,
-) -> Flown:
+def fly(manoeuvre: Manoeuvre, fleet: Fleet, say: Say, wait: Wait, stop: Stop | None = None) -> Flown:
     """Take off, fly and land; records the part in between.
 
     `wait` waits in the time of the fleet. Raises `StoppedError`: `stop` was set; its owner lands the fleet.

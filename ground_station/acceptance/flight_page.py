@@ -37,10 +37,7 @@ def _parts(report: Mapping[str, Any], picture: str) -> Iterator[str]:
     yield from (f"<p>{escape(remark)}</p>" for remark in report["remarks"])
     if report["vehicles"]:
         yield percentile_table(
-            {
-                "pose to command": report["pose_to_command_ms"],
-                "frame to radio": report["frame_to_radio_ms"],
-            }
+            {"pose to command": report["pose_to_command_ms"], "frame to radio": report["frame_to_radio_ms"]}
         )
         yield vehicle_table(report["vehicles"])
         yield picture

@@ -12,11 +12,7 @@ PAGE_NAME: Final = "index.html"
 
 
 def write_page(
-    directory: Path,
-    title: str,
-    reports: Sequence[Mapping[str, Any]],
-    overview: Html,
-    sections: Iterable[str],
+    directory: Path, title: str, reports: Sequence[Mapping[str, Any]], overview: Html, sections: Iterable[str]
 ) -> Path:
     """Write `index.html` into a directory, which is created if missing."""
     directory.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.parsing import check_known
 from rcopterx.deploy.hosts.running import running_fleets
@@ -39,19 +40,17 @@ FLEET_HELP = "Fleet file (TOML), or name of a shipped one."
 
 
 def _fleet_option(text: str) -> Any:
-    return typer.Option("--fleet", "-f", metavar="FLEET", help=text, autocompletion=fleets_beginning)
+    return Option("--fleet", "-f", metavar="FLEET", help=text, autocompletion=fleets_beginning)
 
 
-FleetArgument = Annotated[
-    str, typer.Argument(metavar="FLEET", help=FLEET_HELP, autocompletion=fleets_beginning)
-]
+FleetArgument = Annotated[str, Argument(metavar="FLEET", help=FLEET_HELP, autocompletion=fleets_beginning)]
 FleetOption = Annotated[str, _fleet_option(FLEET_HELP)]
 RunningFleetOption = Annotated[
     str | None, _fleet_option(f"{FLEET_HELP} Default: the fleet that is up on this computer.")
 ]
 SpeedOption = Annotated[
     float | None,
-    typer.Option(
+    Option(
         metavar="FACTOR",
         min=0.01,
         max=10,
@@ -60,13 +59,13 @@ SpeedOption = Annotated[
 ]
 LockstepOption = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--lockstep",
         help="The simulated laboratory waits for all processes: no control period is missed, and flights of "
         "one seed are identical.",
     ),
 ]
-HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
+HostOption = Annotated[str | None, Option(metavar="HOST", help="Which host of the fleet file this is.")]
 
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:

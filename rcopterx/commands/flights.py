@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure
@@ -22,7 +23,7 @@ MEGA: Final = 1e6
 INSTALL: Final = "pip install 'rcopterx[figures]'"
 
 FlightArgument = Annotated[
-    str, typer.Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
+    str, Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
 ]
 
 
@@ -30,16 +31,14 @@ def flights(
     as_json: JsonOption = False,
     check: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="FLIGHT",
             help="Check what always holds in a flight, and that its log is complete; else exit code 1.",
         ),
     ] = None,
     digest: Annotated[
         str | None,
-        typer.Option(
-            metavar="FLIGHT", help="Print a digest; flights in lockstep that are alike have the same."
-        ),
+        Option(metavar="FLIGHT", help="Print a digest; flights in lockstep that are alike have the same."),
     ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
@@ -115,9 +114,7 @@ def _check(flight: "Flight") -> None:
         raise typer.Exit(EXIT_FAILED)
 
 
-def recover(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log.")],
-) -> None:
+def recover(file: Annotated[Path, Argument(metavar="FILE", help="A file of a flight log.")]) -> None:
     """Write a complete file beside a damaged one or one that was cut off.
 
     Exit code 1 if something is missing.
@@ -140,21 +137,17 @@ def replay(
     flight: FlightArgument = "latest",
     agent: Annotated[
         str | None,
-        typer.Option(
-            metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."
-        ),
+        Option(metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."),
     ] = None,
     changes: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--with",
             metavar="NAME=VALUE",
             help="Change controller, estimator, horizon or a setting. Repeatable.",
         ),
     ] = None,
-    speed: Annotated[
-        float, typer.Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")
-    ] = 1.0,
+    speed: Annotated[float, Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")] = 1.0,
     as_json: JsonOption = False,
 ) -> None:
     """Publish a flight log for status, top and ground, or run an agent on its recorded inputs.
@@ -223,11 +216,11 @@ def _lines(result: "Comparison", rule: str) -> list[str]:
 
 def report(
     flight: FlightArgument = "latest",
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File to write.")] = Path(
+    output: Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write.")] = Path(
         "report.html"
     ),
     compare: Annotated[
-        str | None, typer.Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
+        str | None, Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
     ] = None,
 ) -> None:
     """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""
@@ -246,8 +239,7 @@ def report(
 def export(
     flight: FlightArgument = "latest",
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Directory. Default: the flight's name."),
+        Path | None, Option("--output", "-o", metavar="DIR", help="Directory. Default: the flight's name.")
     ] = None,
 ) -> None:
     """Export a flight log as CSV: a file for every unit and channel, with a row for every message."""

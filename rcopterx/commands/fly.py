@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import (
@@ -63,33 +64,30 @@ def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", In
 
 def fly(
     names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME", help="Manoeuvres, or with --faults faults; see --list."),
+        list[str] | None, Argument(metavar="NAME", help="Manoeuvres, or with --faults faults; see --list.")
     ] = None,
     fleet: RunningFleetOption = None,
     start: Annotated[
-        bool, typer.Option("--up", help="Start a fleet first, by default that of the manoeuvre.")
+        bool, Option("--up", help="Start a fleet first, by default that of the manoeuvre.")
     ] = False,
-    every: Annotated[bool, typer.Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
+    every: Annotated[bool, Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
     faults: Annotated[
-        bool, typer.Option("--faults", help="Fly faults instead: those named, or the whole table.")
+        bool, Option("--faults", help="Fly faults instead: those named, or the whole table.")
     ] = False,
     report: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html here.")
+        Path | None, Option(metavar="DIR", help="Write report.json and index.html here.")
     ] = None,
     as_json: JsonOption = False,
-    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
-    seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Duration of chaos.")] = 600.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of chaos.")] = 0,
-    runs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")
-    ] = 1,
+    show_list: Annotated[bool, Option("--list", help="List the manoeuvres, or the faults.")] = False,
+    seconds: Annotated[float, Option(metavar="SECONDS", min=1, help="Duration of chaos.")] = 600.0,
+    seed: Annotated[int, Option(min=0, help="Seed of chaos.")] = 0,
+    runs: Annotated[int, Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")] = 1,
     vehicles: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N only.")
+        int | None, Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N only.")
     ] = None,
     busy: Annotated[
         int,
-        typer.Option(
+        Option(
             metavar="N",
             min=0,
             help="Busy processes beside chaos. With any, all processors are also taken at real-time priority "

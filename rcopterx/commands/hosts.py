@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
@@ -26,17 +27,15 @@ def deploy(
     fleet: FleetArgument,
     wheel: Annotated[
         Path,
-        typer.Option(
-            metavar="FILE", exists=True, dir_okay=False, help="Wheel of the software, from make wheel."
-        ),
+        Option(metavar="FILE", exists=True, dir_okay=False, help="Wheel of the software, from make wheel."),
     ],
     only: Annotated[
-        list[str] | None, typer.Option("--host", metavar="HOST", help="Only this host. May be repeated.")
+        list[str] | None, Option("--host", metavar="HOST", help="Only this host. May be repeated.")
     ] = None,
     user: Annotated[
-        str | None, typer.Option(metavar="USER", help="User to log in as. Default: that of ssh.")
+        str | None, Option(metavar="USER", help="User to log in as. Default: that of ssh.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be done.")] = False,
+    dry_run: Annotated[bool, Option("--dry-run", help="Only show what would be done.")] = False,
 ) -> None:
     """Install or update every host over ssh; what is up to date stays as it is.
 
@@ -70,15 +69,15 @@ def deploy(
 
 def certs(
     fleet: FleetArgument,
-    renew: Annotated[bool, typer.Option("--renew", help="Issue all again, with new keys.")] = False,
+    renew: Annotated[bool, Option("--renew", help="Issue all again, with new keys.")] = False,
     new_authority: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--new-authority", help="Replace the authority, too: all earlier certificates become invalid."
         ),
     ] = False,
     days: Annotated[
-        float, typer.Option(metavar="DAYS", min=1, max=36500, help="Validity of the certificates.")
+        float, Option(metavar="DAYS", min=1, max=36500, help="Validity of the certificates.")
     ] = 365,
 ) -> None:
     """Make the certificates that a fleet file requires; existing valid ones are kept.
@@ -99,7 +98,7 @@ def certs(
 
 def doctor(
     fleet: Annotated[
-        str | None, typer.Argument(metavar="FLEET", help="Default: the fleet that is up, else trio.")
+        str | None, Argument(metavar="FLEET", help="Default: the fleet that is up, else trio.")
     ] = None,
     host: HostOption = None,
 ) -> None:

@@ -8,13 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from rcopterx.commands.fleet_option import (
-    RunningFleetOption,
-    failure,
-    running_fleet,
-    wanted_fleet,
-)
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
 from rcopterx.commands.output import JsonOption, PlotOption, print_changes, print_document, write_plot
 from rcopterx.commands.parsing import check_known
 
@@ -32,7 +28,7 @@ PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 ReachOption = Annotated[
     float | None,
-    typer.Option(
+    Option(
         metavar="METRES",
         min=0.1,
         max=2,
@@ -42,26 +38,26 @@ ReachOption = Annotated[
 
 
 def identify(
-    vehicles: Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...")] = None,
+    vehicles: Annotated[list[str] | None, Argument(metavar="[VEHICLE]...")] = None,
     together: Annotated[
-        bool, typer.Option("--all", help="All vehicles, from and back to their formation.")
+        bool, Option("--all", help="All vehicles, from and back to their formation.")
     ] = False,
     seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
+        float, Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
     ] = 60.0,
     strength: Annotated[
-        float, typer.Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
+        float, Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
     ] = 1.0,
     reach: ReachOption = None,
     from_files: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--from", metavar="FILE", help="Fit a recorded flight: .npz, or .csv of a Crazyflie; repeatable."
         ),
     ] = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE", help="File for the recording (.npz).")] = None,
+    save: Annotated[Path | None, Option(metavar="FILE", help="File for the recording (.npz).")] = None,
     plot: PlotOption = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Change neither flight nor fleet file.")] = False,
+    dry_run: Annotated[bool, Option("--dry-run", help="Change neither flight nor fleet file.")] = False,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:

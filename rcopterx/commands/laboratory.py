@@ -5,14 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.bus.realtime import request_realtime
-from rcopterx.commands.fleet_option import (
-    RunningFleetOption,
-    failure,
-    running_fleet,
-    wanted_fleet,
-)
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
 from rcopterx.commands.interruption import until_ctrl_c
 from rcopterx.commands.output import Progress, print_table
 
@@ -29,15 +25,15 @@ REALTIME_PRIORITY = 20  # of a replay, where the operating system permits it, so
 def replay_tracker(
     file: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="FILE", exists=True, dir_okay=False, readable=True, help="Raw recording of a stream."
         ),
     ],
     port: Annotated[
-        int, typer.Option(metavar="PORT", min=0, max=65535, help="TCP port to listen on; 0 takes a free one.")
+        int, Option(metavar="PORT", min=0, max=65535, help="TCP port to listen on; 0 takes a free one.")
     ] = 18801,
-    speed: Annotated[float, typer.Option(metavar="FACTOR", help="2 is twice as fast as real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")] = False,
+    speed: Annotated[float, Option(metavar="FACTOR", help="2 is twice as fast as real time.")] = 1.0,
+    loop: Annotated[bool, Option("--loop", help="Repeat until Ctrl-C.")] = False,
 ) -> None:
     """Replay a recording of a Tracker to a Vicon gateway: the same bytes at the same times.
 
@@ -73,17 +69,15 @@ def _replay(file: Path, port: int, speed: float) -> "TrackerReplay":
 
 
 def inject(
-    fault: Annotated[str | None, typer.Argument(metavar="FAULT", help="Fault to inject, see --list.")] = None,
+    fault: Annotated[str | None, Argument(metavar="FAULT", help="Fault to inject, see --list.")] = None,
     fields: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="FIELD=VALUE", help="Fields of the fault, for instance subject=h2 duration_s=0.2."
-        ),
+        Argument(metavar="FIELD=VALUE", help="Fields of the fault, for instance subject=h2 duration_s=0.2."),
     ] = None,
     scenario: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file with faults and their times.")
+        Path | None, Option(metavar="FILE", help="TOML file with faults and their times.")
     ] = None,
-    show_list: Annotated[bool, typer.Option("--list", help="List all faults and their fields.")] = False,
+    show_list: Annotated[bool, Option("--list", help="List all faults and their fields.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file."""

@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
@@ -33,7 +34,7 @@ REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
 
 RecordOption = Annotated[
-    bool, typer.Option("--record/--no-record", help="Write a flight log; see rcopterx flights.")
+    bool, Option("--record/--no-record", help="Write a flight log; see rcopterx flights.")
 ]
 
 
@@ -107,10 +108,7 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
 
 
 def show_fleet(
-    fleet: "Fleet",
-    interrupts: Interrupts,
-    lines: deque[str],
-    done: Callable[[], bool] = lambda: False,
+    fleet: "Fleet", interrupts: Interrupts, lines: deque[str], done: Callable[[], bool] = lambda: False
 ) -> None:
     """Show a fleet until it is done or a signal arrives: a live table, or lines without a terminal.
 
@@ -141,12 +139,12 @@ def up(
     host: HostOption = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. Repeatable."),
+        Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. Repeatable."),
     ] = None,
     record: RecordOption = True,
     watchdog: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--watchdog/--no-watchdog", help="Replace processes that hang. Without it they can be debugged."
         ),
     ] = True,
@@ -221,7 +219,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, re
 def host(
     fleet: FleetArgument,
     this: Annotated[
-        str | None, typer.Option("--host", metavar="HOST", help="The host of the fleet file that this is.")
+        str | None, Option("--host", metavar="HOST", help="The host of the fleet file that this is.")
     ] = None,
     record: RecordOption = True,
 ) -> None:
@@ -244,11 +242,9 @@ def host(
 def demo(
     fleet: FleetOption = DEFAULT_FLEET,
     seconds: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=1, help="End after this flight time.")
+        float | None, Option(metavar="SECONDS", min=1, help="End after this flight time.")
     ] = None,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Show the fleet in the browser.")
-    ] = True,
+    browser: Annotated[bool, Option("--browser/--no-browser", help="Show the fleet in the browser.")] = True,
     record: RecordOption = True,
     speed: SpeedOption = None,
     lockstep: LockstepOption = False,

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.parsing import three
 from rcopterx.user_text import TextError, host_and_port
@@ -19,14 +20,12 @@ LOOK_S = 3.0
 MOTION_CAPTURE = "motion_capture.yaml"
 SIMULATED = "127.0.0.1:18801"  # address of the simulated Tracker
 
-NewFleetFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")
-]
+NewFleetFile = Annotated[Path, Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")]
 LowerCorner = Annotated[
-    str, typer.Option("--volume-min", metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
+    str, Option("--volume-min", metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
 ]
 UpperCorner = Annotated[
-    str, typer.Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
+    str, Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
 ]
 
 import_ = typer.Typer(
@@ -37,11 +36,11 @@ import_ = typer.Typer(
 def new_lab(
     file: NewFleetFile,
     vehicle_type: Annotated[
-        str, typer.Option("--type", metavar="NAME", help="Type of the vehicles; rcopterx types lists them.")
+        str, Option("--type", metavar="NAME", help="Type of the vehicles; rcopterx types lists them.")
     ] = "coaxial",
     protocol: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="multi|dsm2_serial|dsmp|ppm|crazyflie|mavlink",
             help="Protocol of the radio modules; by default that of the type.",
         ),
@@ -144,15 +143,15 @@ def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
 @import_.command()
 def crazyswarm2(
     source: Annotated[
-        Path, typer.Argument(metavar="CRAZYFLIES", exists=True, dir_okay=False, help="File crazyflies.yaml.")
+        Path, Argument(metavar="CRAZYFLIES", exists=True, dir_okay=False, help="File crazyflies.yaml.")
     ],
     file: NewFleetFile,
     motion_capture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
+        Path | None, Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
     ] = None,
     rate_hz: Annotated[
         float | None,
-        typer.Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
+        Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
     ] = None,
     volume_min: LowerCorner = "-1.5,-1.5,0",
     volume_max: UpperCorner = "1.5,1.5,2",
@@ -175,10 +174,7 @@ def crazyswarm2(
 @import_.command()
 def skybrush(
     show: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SHOW", exists=True, dir_okay=False, help="File .skyc, or a zip of CSV files."
-        ),
+        Path, Argument(metavar="SHOW", exists=True, dir_okay=False, help="File .skyc, or a zip of CSV files.")
     ],
     file: NewFleetFile,
     volume_min: LowerCorner = "-1.5,-1.5,0",

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument
 
 
 class Kind(StrEnum):
@@ -23,8 +24,8 @@ USED_BY = {
 
 
 def new_plugin(
-    kind: Annotated[Kind, typer.Argument(help="What the package adds.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Lower case letters, digits and _.")],
+    kind: Annotated[Kind, Argument(help="What the package adds.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Lower case letters, digits and _.")],
 ) -> None:
     """Write a package with a controller, estimator or vehicle type of your own, and a test that flies it."""
     from rcopterx.deploy.new_package import write_package

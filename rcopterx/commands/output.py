@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 from rcopterx.places import try_place
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
+JsonOption = Annotated[bool, Option("--json", help="Print a JSON document.")]
 
 
 def _checked_figure(path: Path | None) -> Path | None:
@@ -36,9 +37,7 @@ def _checked_figure(path: Path | None) -> Path | None:
 
 PlotOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE", callback=_checked_figure, help="Draw the figure into this file (png, svg, pdf)."
-    ),
+    Option(metavar="FILE", callback=_checked_figure, help="Draw the figure into this file (png, svg, pdf)."),
 ]
 
 

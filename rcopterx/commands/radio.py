@@ -4,19 +4,20 @@ import sys
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import FleetOption
 from rcopterx.commands.output import print_changes
 from rcopterx.commands.parsing import check_known
 
-Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
+Vehicle = Annotated[str, Argument(metavar="VEHICLE")]
 STEPS = ("signs", "throttle", "trim")
 
 
 def bind(
     vehicle: Vehicle,
     fleet: FleetOption,
-    yes: Annotated[bool, typer.Option("--yes", help="The vehicle is in bind mode; do not ask.")] = False,
+    yes: Annotated[bool, Option("--yes", help="The vehicle is in bind mode; do not ask.")] = False,
 ) -> None:
     """Bind the receiver of a vehicle to its transmitter. The fleet must be down."""
     from rcopterx.commands.radio_bench import Dialogue, own_model_match, workbench
@@ -44,7 +45,7 @@ def range_check(
     vehicle: Vehicle,
     fleet: FleetOption,
     seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=600, help="Duration, or until a line on stdin.")
+        float, Option(metavar="S", min=1, max=600, help="Duration, or until a line on stdin.")
     ] = 60.0,
 ) -> None:
     """Send with reduced power and move the swash plate, which must still respond 30 paces away."""
@@ -69,9 +70,9 @@ def calibrate(
     vehicle: Vehicle,
     fleet: FleetOption,
     step: Annotated[
-        list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
+        list[str] | None, Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
     ] = None,
-    seconds: Annotated[float, typer.Option(metavar="S", min=1, max=60, help="Duration.")] = 10.0,
+    seconds: Annotated[float, Option(metavar="S", min=1, max=60, help="Duration.")] = 10.0,
 ) -> None:
     """Calibrate a transmitter and write the result into the fleet file.
 

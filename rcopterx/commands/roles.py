@@ -2,12 +2,12 @@
 
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file
 
-Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
-Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
+Host = Annotated[str, Argument(metavar="HOST", help="Host of the fleet file.")]
+Gateway = Annotated[str, Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
 
 
 def _run(role: str, unit: str, fleet: str) -> None:
@@ -51,7 +51,7 @@ def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT
 
 
 def agent(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Vehicle of the fleet file.")],
+    vehicle: Annotated[str, Argument(metavar="VEHICLE", help="Vehicle of the fleet file.")],
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Run the agent of a vehicle: estimator, controller, plan."""

@@ -4,18 +4,19 @@ import math
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
 from rcopterx.commands.parsing import check_known, settings_of, three
 
 Vehicles = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.", autocompletion=vehicles_beginning),
+    Argument(metavar="[VEHICLE]...", help="Default: all vehicles.", autocompletion=vehicles_beginning),
 ]
-Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE", autocompletion=vehicles_beginning)]
+Vehicle = Annotated[str, Argument(metavar="VEHICLE", autocompletion=vehicles_beginning)]
 
 HeightOption = Annotated[
-    float, typer.Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
+    float, Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
 ]
 
 
@@ -29,9 +30,9 @@ def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 def disarm(
     vehicles: Annotated[
-        list[str] | None, typer.Argument(metavar="[VEHICLE]...", autocompletion=vehicles_beginning)
+        list[str] | None, Argument(metavar="[VEHICLE]...", autocompletion=vehicles_beginning)
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="All vehicles.")] = False,
+    every: Annotated[bool, Option("--all", help="All vehicles.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Keep the throttle low until armed again; refused in the air, where land and kill apply."""
@@ -67,12 +68,12 @@ def takeoff(vehicles: Vehicles = None, height: HeightOption = 1.0, fleet: Runnin
 
 def goto(
     vehicle: Vehicle,
-    x: Annotated[float, typer.Argument(help="x in the inertial frame in metres.")],
-    y: Annotated[float, typer.Argument(help="y in the inertial frame in metres.")],
-    z: Annotated[float, typer.Argument(help="Height z in metres.")],
-    yaw: Annotated[float, typer.Argument(help="Heading in degrees, reached the nearest way round.")] = 0.0,
+    x: Annotated[float, Argument(help="x in the inertial frame in metres.")],
+    y: Annotated[float, Argument(help="y in the inertial frame in metres.")],
+    z: Annotated[float, Argument(help="Height z in metres.")],
+    yaw: Annotated[float, Argument(help="Heading in degrees, reached the nearest way round.")] = 0.0,
     turns: Annotated[
-        int, typer.Option(metavar="N", min=-20, max=20, help="Whole turns in addition, negative clockwise.")
+        int, Option(metavar="N", min=-20, max=20, help="Whole turns in addition, negative clockwise.")
     ] = 0,
     fleet: RunningFleetOption = None,
 ) -> None:
@@ -84,11 +85,11 @@ def goto(
 
 def follow(
     vehicle: Vehicle,
-    leader: Annotated[str, typer.Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
-    offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
-    yaw: Annotated[float, typer.Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
+    leader: Annotated[str, Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
+    offset: Annotated[str, Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
+    yaw: Annotated[float, Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
     frame: Annotated[
-        str, typer.Option(help="inertial: fixed in the room; heading: turns with the leader.")
+        str, Option(help="inertial: fixed in the room; heading: turns with the leader.")
     ] = "inertial",
     fleet: RunningFleetOption = None,
 ) -> None:
@@ -122,7 +123,7 @@ def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
 
 def move(
     vehicle: Vehicle,
-    to: Annotated[str, typer.Option(metavar="HOST", help="Host for its agent.")],
+    to: Annotated[str, Option(metavar="HOST", help="Host for its agent.")],
     fleet: RunningFleetOption = None,
 ) -> None:
     """Move the agent of a vehicle to another host, also in flight, where a warm agent takes over."""
@@ -136,14 +137,14 @@ def tune(
     vehicle: Vehicle,
     settings: Annotated[
         list[str] | None,
-        typer.Argument(
+        Argument(
             metavar="[NAME=VALUE]...",
             help="Settings of the controller, those of the estimator as estimator.NAME=VALUE. "
             "Rows of numbers are separated by commas.",
         ),
     ] = None,
-    controller: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this controller.")] = None,
-    estimator: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this estimator.")] = None,
+    controller: Annotated[str | None, Option(metavar="NAME", help="Fly with this controller.")] = None,
+    estimator: Annotated[str | None, Option(metavar="NAME", help="Fly with this estimator.")] = None,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file
 from rcopterx.commands.output import JsonOption, print_document, print_table
@@ -36,9 +37,7 @@ def types(as_json: JsonOption = False) -> None:
 def margins(
     fleet: FleetArgument,
     vehicles: Vehicles = None,
-    formation: Annotated[
-        bool, typer.Option("--formation", help="Show how errors grow along it instead.")
-    ] = False,
+    formation: Annotated[bool, Option("--formation", help="Show how errors grow along it instead.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show gain, phase and delay margins of vehicles as a fleet file configures them.

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
@@ -36,9 +37,7 @@ def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> Non
 
 def check(
     vehicles: Vehicles = None,
-    wait: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="Longest wait until it is ready.")
-    ] = 1.5,
+    wait: Annotated[float, Option(metavar="SECONDS", min=0, help="Longest wait until it is ready.")] = 1.5,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
@@ -77,7 +76,7 @@ def _check_file(name: str) -> None:
 
 
 def top(
-    wide: Annotated[bool, typer.Option("--wide", help="Show all columns.")] = False,
+    wide: Annotated[bool, Option("--wide", help="Show all columns.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show the fleet until Ctrl-C, in the columns that fit; without a terminal, show it once."""
@@ -106,11 +105,11 @@ def top(
 def logs(
     names: Annotated[
         list[str] | None,
-        typer.Argument(
+        Argument(
             metavar="[NAME]...", help="Vehicles or processes, for instance h2 or tracker. Default: all."
         ),
     ] = None,
-    follow: Annotated[bool, typer.Option("--follow", help="Show new lines until Ctrl-C.")] = False,
+    follow: Annotated[bool, Option("--follow", help="Show new lines until Ctrl-C.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show the logs of the processes of a fleet on all its hosts, merged in time (UTC).

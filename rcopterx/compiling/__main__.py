@@ -11,14 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
 
-from rcopterx.compiling.cache import (
-    COMPLETE,
-    INTERRUPTED,
-    MODULES,
-    VARIABLE,
-    directory,
-    remove_unused,
-)
+from rcopterx.compiling.cache import COMPLETE, INTERRUPTED, MODULES, VARIABLE, directory, remove_unused
 
 
 def main() -> int:
