@@ -15,7 +15,7 @@ from msgspec import Meta, Struct
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
 from rcopterx.fleet.reading import converted, text_of
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.radios.crtp import RadioAddress
 from rcopterx.radios.protocol import ProtocolError
 from rcopterx.radios.udp import UDP, udp_address
@@ -72,11 +72,9 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
             "Crazyswarm2, with uri: radio://DONGLE/CHANNEL/2M/E7E7E7E7NN, NN being the id as two hexadecimal "
             "digits"
         )
-    try:
+    with errors_at(path):
         file = converted(document, _RobotFile, "")
         robots = {str(name): converted(raw, Robot, f"robots.{name}") for name, raw in file.robots.items()}
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
     if all_robots := document.get("all"):
         remarks.append(f"all: {', '.join(map(str, all_robots))} not taken over")
     placed: list[PlacedVehicle] = []
@@ -108,13 +106,11 @@ def _address(path: Path, name: str, uri: str, remarks: list[str]) -> str:
     if address.startswith(ANY_DONGLE):
         address = address.replace("*", "0", 1)
         remarks.append(f"{where}: any dongle is not taken over, number 0 is used")
-    try:
+    with errors_at(f"{path}: {where}", ProtocolError):
         if address.startswith(UDP):
             udp_address(address)
         else:
             RadioAddress.of(address)
-    except ProtocolError as error:
-        raise FleetError(f"{path}: {where}: {error}") from None
     return address
 
 
@@ -127,10 +123,8 @@ def _type_of(robot: dict[str, Any], types: dict[Any, Any]) -> dict[str, Any]:
 def _battery(path: Path, robot: dict[str, Any], types: dict[Any, Any]) -> dict[str, float]:
     """Return the voltages of a robot's type in the words of a fleet file; or raise `FleetError`."""
     where = f"robot_types.{robot.get('type')}.battery"
-    try:
+    with errors_at(path):
         battery = converted(_type_of(robot, types).get("battery") or {}, RobotBattery, where)
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
     if (battery.voltage_critical or 0.0) > (battery.voltage_warning or math.inf):
         raise FleetError(f"{path}: {where}: voltage_warning must be at least voltage_critical")
     voltages = {"warn_v": battery.voltage_warning, "land_v": battery.voltage_critical}
@@ -168,10 +162,8 @@ def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
         document = document.get(key) if isinstance(document, dict) else None
     if document is None:
         raise FleetError(f"{path}: {where}: is missing")
-    try:
+    with errors_at(path):
         parameters = converted(document, MotionCapture, where)
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
     if parameters.type not in _PORTS:
         raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(_PORTS)}")
     if not parameters.hostname:

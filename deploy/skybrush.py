@@ -20,7 +20,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
 
@@ -94,7 +94,7 @@ def read_show(path: Path) -> list[Drone]:
                 drones = [_drone_of_csv(archive, name) for name in archive.tables()]
     except zipfile.BadZipFile as error:
         raise ShowError(f"{path}: {_other_format(path) or error}") from None
-    except (OSError, zlib.error, EOFError, RuntimeError, ShowError) as error:
+    except (OSError, zlib.error, EOFError, RuntimeError, FleetError) as error:
         raise ShowError(f"{path}: {error}") from None
     if not drones:
         raise ShowError(f"{path}: neither {SHOW} nor CSV files in it")
@@ -133,10 +133,8 @@ def _drones_of_skyc(archive: _Archive) -> list[Drone]:
 
 def _json(archive: _Archive, name: str) -> Any:
     content = archive.read(name)
-    try:
+    with errors_at(f"{name}: no JSON", ValueError):
         return json.loads(content)
-    except ValueError as error:
-        raise ShowError(f"{name}: no JSON: {error}") from None
 
 
 def _drone_of_settings(archive: _Archive, settings: dict[str, Any], number: int) -> Drone:
@@ -146,11 +144,9 @@ def _drone_of_settings(archive: _Archive, settings: dict[str, Any], number: int)
         trajectory = _json(archive, trajectory["$ref"].partition("#")[0])
     if trajectory.get("version") != 1:
         raise ShowError(f"{name}: version {trajectory.get('version')!r} of the trajectory, only 1 is known")
-    try:
+    with errors_at(name, ValueError):
         times_s, positions_m = _sampled(trajectory["points"])
         times_s += float(trajectory.get("takeoffTime", 0.0))
-    except ValueError as error:
-        raise ShowError(f"{name}: {error}") from None
     return _checked(name, times_s, positions_m)
 
 
@@ -178,13 +174,11 @@ def _sampled(points: Any) -> tuple[Array, Array]:
 
 def _drone_of_csv(archive: _Archive, name: str) -> Drone:
     """Columns: time [ms], x, y, z [m]; further ones (red, green, blue) and the heading are left out."""
-    try:
+    with errors_at(name, TextError):
         rows = list(rows_of(decoded(archive.read(name))))
         if rows and not _is_number(rows[0].cells[0]):
             rows = rows[1:]
         table = np.array([_time_and_place(row) for row in rows]).reshape(-1, 4)
-    except TextError as error:
-        raise ShowError(f"{name}: {error}") from None
     return _checked(name, 1e-3 * table[:, 0], table[:, 1:])
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from rcopterx.fleet.reading import dataclass_from, replaced
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, errors_at
 from rcopterx.fleet.vehicle_types import VehicleType, type_of
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.protocol import ProtocolError, RadioProtocol
@@ -24,11 +24,9 @@ def calibration_of(fleet: FleetFile, name: str) -> Calibration:
 def type_calibration(own: VehicleType) -> Calibration:
     """Return the calibration of a type; `FleetError` names a wrong key of its radio."""
     radio = own.file.transmitter
-    try:
+    with errors_at(own.source):
         dataclass_from(settings_class(radio.protocol), radio.settings, "transmitter.settings")
         return replaced(Calibration(), radio.calibration, "transmitter.calibration")
-    except FleetError as error:
-        raise FleetError(f"{own.source}: {error}") from None
 
 
 def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
@@ -43,10 +41,8 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
     table = own | wanted | transmitter.settings
     settings = dataclass_from(settings_class(protocol), table, f"{where}.settings")
-    try:
+    with errors_at(f"{where}.protocol", ProtocolError):
         radio = create_protocol(protocol, settings, line)
-    except ProtocolError as error:
-        raise FleetError(f"{where}.protocol: {error}") from None
     if transmitter.low_power and "low_power" not in radio.offers:
         raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
     return radio

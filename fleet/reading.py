@@ -16,7 +16,15 @@ from msgspec import inspect, structs
 from rcopterx import user_text
 from rcopterx.bus.message import Four, Name
 from rcopterx.fleet.consistency import check_consistency
-from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, Speed, VehicleConfig
+from rcopterx.fleet.schema import (
+    FleetError,
+    FleetFile,
+    GatewayConfig,
+    HostConfig,
+    Speed,
+    VehicleConfig,
+    errors_at,
+)
 from rcopterx.user_text import TextError
 
 SUFFIX = ".json"
@@ -36,10 +44,8 @@ def encoded(fleet: FleetFile) -> bytes:
 
 def snapshot_of(content: bytes | str) -> FleetFile:
     """Return the fleet of the content of a snapshot, or raise `FleetError`."""
-    try:
+    with errors_at("not a snapshot of a fleet file", msgspec.DecodeError):
         return msgspec.json.decode(content, type=FleetFile)
-    except msgspec.DecodeError as error:
-        raise FleetError(f"not a snapshot of a fleet file: {error}") from None
 
 
 def digest_of(fleet: FleetFile) -> str:
@@ -94,13 +100,11 @@ _type_info = cache(inspect.type_info)
 
 def load_fleet(path: Path) -> FleetFile:
     """Read a fleet file (TOML) or snapshot (JSON); `FleetError` names the file and the wrong field."""
-    if path.is_dir():
-        raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
-    try:
+    with errors_at(path):
+        if path.is_dir():
+            raise FleetError("cannot be read: a directory; name the fleet file in it")
         text = text_of(path)
         return snapshot_of(text) if path.suffix == SUFFIX else parse_fleet(text, path.parent)
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
 
 
 def text_of(path: Path) -> str:
@@ -162,10 +166,8 @@ def _type_files(fleet: FleetFile, directory: Path) -> dict[str, dict[str, Any]]:
     found = {}
     for vehicle in fleet.vehicles.values():
         if vehicle.type.endswith(".toml"):
-            try:
+            with errors_at(vehicle.type):
                 found[vehicle.type] = table_of(text_of(directory / Path(vehicle.type).expanduser()))
-            except FleetError as error:
-                raise FleetError(f"{vehicle.type}: {error}") from None
     return found
 
 

@@ -4,7 +4,8 @@ The docstrings of fields are the user documentation in `docs/fleet_file.md`.
 """
 
 import ipaddress
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
@@ -23,6 +24,16 @@ ROUTER_PORT = 7447
 
 class FleetError(ValueError):
     """The fleet file cannot be used; names the file, the field and what is allowed."""
+
+
+@contextmanager
+def errors_at(where: object, *kinds: type[Exception]) -> Iterator[None]:
+    """Put a place before errors, by default `FleetError`, of the block; they become `FleetError`."""
+    wrapped = kinds or (FleetError,)
+    try:
+        yield
+    except wrapped as error:
+        raise FleetError(f"{where}: {error}") from None
 
 
 def check_known(where: str, what: str, name: str, known: Collection[str]) -> None:

@@ -15,7 +15,15 @@ from msgspec import Meta, Struct, field
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
-from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text, VoltageConfig
+from rcopterx.fleet.schema import (
+    FleetError,
+    FleetFile,
+    ProtocolName,
+    Table,
+    Text,
+    VoltageConfig,
+    errors_at,
+)
 from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.user_text import decoded
@@ -79,14 +87,12 @@ def vehicle_type(name: str) -> VehicleType:
         allowed = ", ".join(type_names())
         raise FleetError(f"unknown type {name!r}, allowed are {allowed}, or the path of a file *{SUFFIX}")
     file, place = f"{name}{SUFFIX}", "rcopterx"
-    try:
-        source = _OWN / file
-        if not source.is_file():
-            place = next(point.value for point in entry_points(group=GROUP) if point.name == name)
-            source = files(place) / file
+    source = _OWN / file
+    if not source.is_file():
+        place = next(point.value for point in entry_points(group=GROUP) if point.name == name)
+    with errors_at(f"type {name!r} of {place}: cannot be read", OSError, ImportError, ValueError):
+        source = source if source.is_file() else files(place) / file
         table = table_of(decoded(source.read_bytes()))
-    except (OSError, ImportError, ValueError) as error:
-        raise FleetError(f"type {name!r} of {place}: cannot be read: {error}") from None
     return _checked(name, table, str(source))
 
 
@@ -96,15 +102,13 @@ def type_of(fleet: FleetFile, name: str) -> VehicleType:
     if wanted in fleet.types:
         source = wanted if wanted.endswith(SUFFIX) else f"types.{wanted}"
         return _checked(Path(wanted).name.removesuffix(SUFFIX), fleet.types[wanted], source)
-    try:
+    with errors_at(f"vehicles.{name}.type"):
         return vehicle_type(wanted)
-    except FleetError as error:
-        raise FleetError(f"vehicles.{name}.type: {error}") from None
 
 
 def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
     """Check the tables of a type, except its radio's; `FleetError` names the source and the key."""
-    try:
+    with errors_at(source):
         converted({"model": {}} | table, TypeFile, "")
         if (base := table.get("base")) is not None:
             plain = msgspec.to_builtins(vehicle_type(base).file)
@@ -115,9 +119,7 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
         model = dataclass_from(Model, {"kind": name, **file.model}, "model")
         replaced(ArbiterLimits(), file.safety, "safety")
         battery_limits(file.battery, "battery")
-    except FleetError as error:
-        raise FleetError(f"{source}: {error}") from None
-    return VehicleType(name, file, model, source)
+        return VehicleType(name, file, model, source)
 
 
 def battery_limits(config: VoltageConfig, where: str, default: VoltageConfig | None = None) -> BatteryLimits:

@@ -18,7 +18,7 @@ from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, agent_process
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.formation.placement import Room
 from rcopterx.formation.succession import Succession
@@ -63,10 +63,8 @@ def prepared_pilot(
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
     """Build settings and pilot of a vehicle's agent on a host, by default the file's; `FleetError`."""
     settings = agent_settings(fleet, name, host)
-    try:
+    with errors_at(f"vehicles.{name}.control", ValueError):
         return settings, build_pilot(settings)
-    except ValueError as error:
-        raise FleetError(f"vehicles.{name}.control: {error}") from None
 
 
 def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> AgentSettings:

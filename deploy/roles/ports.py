@@ -7,7 +7,7 @@ from pathlib import Path
 from rcopterx.deploy.hosts.run_directory import serial_path, states_directory
 from rcopterx.fleet.consistency import check_unique
 from rcopterx.fleet.radios import protocol_of
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, errors_at
 from rcopterx.radios.crazyradio import RADIO
 from rcopterx.radios.protocol import ProtocolError
 from rcopterx.radios.udp import UDP, udp_address
@@ -17,11 +17,9 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     """Return the port of a vehicle's transmitter; `FleetError` if it is none for the protocol."""
     port = fleet.vehicles[name].transmitter.port
     protocol, where = protocol_of(fleet, name), f"vehicles.{name}.transmitter.port"
-    try:
+    with errors_at(where, ProtocolError):
         if protocol.is_address(port):
             return port
-    except ProtocolError as error:
-        raise FleetError(f"{where}: {error}") from None
     if not protocol.serial and fleet.simulator is not None:
         raise FleetError(f"{where}: {port!r} is a device, simulated vehicles are at udp://")
     return str(serial_path(port, directory))

@@ -1,13 +1,11 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known
+from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known, errors_at
 from rcopterx.user_text import TextError, host_and_port
 from rcopterx.vicon_gateway.client import LibraryMissingError
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
@@ -26,19 +24,8 @@ USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 
 def run(fleet: FleetFile, _host: str) -> None:
     """Publish the poses of the motion capture; raises `FleetError`."""
-    with _field_named(fleet):
+    with errors_at("tracker.record_raw", RecordingFileError), errors_at("tracker.brand", LibraryMissingError):
         run_tracker_gateway(tracker_settings(fleet))
-
-
-@contextmanager
-def _field_named(fleet: FleetFile) -> Iterator[None]:
-    """Turn a missing library, or a recording that cannot be made, into `FleetError` with the field."""
-    try:
-        yield
-    except RecordingFileError as error:
-        raise FleetError(f"tracker.record_raw: {error}") from None
-    except LibraryMissingError as error:
-        raise FleetError(f"tracker.brand: {fleet.tracker.brand!r}: {error}") from None
 
 
 def tracker_settings(fleet: FleetFile) -> TrackerSettings:
@@ -57,10 +44,8 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
     """Return host and port of the Tracker; `FleetError` if the address is not HOST:PORT."""
-    try:
+    with errors_at("tracker.address", TextError):
         return host_and_port(fleet.tracker.address)
-    except TextError as error:
-        raise FleetError(f"tracker.address: {error}") from None
 
 
 def brand_of(fleet: FleetFile) -> "BrandSettings | None":
@@ -90,10 +75,8 @@ def brand_of(fleet: FleetFile) -> "BrandSettings | None":
 
     library_name = LIBRARY_NAMES.get(brand, brand)
     settings = _addressed(brand, *tracker_address(fleet)) | tracker.settings
-    try:
+    with errors_at("tracker.settings", ValueError):
         return BrandSettings(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
-    except ValueError as error:
-        raise FleetError(f"tracker.settings: {error}") from None
 
 
 def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
@@ -116,10 +99,11 @@ def raw_recording(fleet: FleetFile) -> Path | None:
 
 def check_motion_capture(fleet: FleetFile) -> None:
     """Check the library of the brand and that the recording can be created; `FleetError` names the field."""
-    with _field_named(fleet):
-        if brand_of(fleet) is not None:
-            from rcopterx.vicon_gateway.brands import check_library
+    if brand_of(fleet) is not None:
+        from rcopterx.vicon_gateway.brands import check_library
 
+        with errors_at(f"tracker.brand: {fleet.tracker.brand!r}", LibraryMissingError):
             check_library()
-        if (path := raw_recording(fleet)) is not None:
+    if (path := raw_recording(fleet)) is not None:
+        with errors_at("tracker.record_raw", RecordingFileError):
             check_creatable(path)

@@ -9,7 +9,7 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import battery_of, limits_of
 from rcopterx.radios.crazyradio import UsbDevice, find_dongle
 from rcopterx.radios.protocol import ProtocolError
@@ -45,10 +45,8 @@ def _transmitter(fleet: FleetFile, name: str, directory: Path) -> TransmitterSet
         battery=battery_of(fleet, name),
         low_power=fleet.vehicles[name].transmitter.low_power,
     )
-    try:
+    with errors_at(f"vehicles.{name}.transmitter.calibration", ProtocolError):
         prepare_channels(settings.protocol, settings.calibration, settings.limits)
-    except ProtocolError as error:
-        raise FleetError(f"vehicles.{name}.transmitter.calibration: {error}") from None
     return settings
 
 

@@ -23,7 +23,7 @@ from rcopterx.control.margins.loop import (
 from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import snapshot_of
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.topology import ancestors
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -66,10 +66,8 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
         "axes": None,
     }
     if table["unknown"] is None:
-        try:
+        with errors_at(f"vehicles.{name}.control", ValueError):
             loops = _loops(file, name, used)
-        except ValueError as error:
-            raise FleetError(f"vehicles.{name}.control: {error}") from None
         table["axes"] = {
             axis: asdict(margins(loop)) | _borne(robustness(loop, uncertainty))
             for axis, loop in loops.items()
@@ -130,10 +128,8 @@ def _linear_vehicle(
     configuration = configured(file, name).changed(None, changes, None, {})
     key = (model, period_s, repr(configuration))
     if key not in known:
-        try:
+        with errors_at(f"vehicles.{name}.control", ValueError):
             known[key] = linear_vehicle(model, configuration.controller_for(model, period_s))
-        except ValueError as error:
-            raise FleetError(f"vehicles.{name}.control: {error}") from None
     return known[key]
 
 

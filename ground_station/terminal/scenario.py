@@ -11,7 +11,7 @@ from rcopterx.bus.channels import SIMULATOR_UNIT
 from rcopterx.bus.requests import MAX_FAULTS, Inject
 from rcopterx.bus.session import Session
 from rcopterx.fleet.reading import converted, table_of, text_of
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
 
 
@@ -45,19 +45,15 @@ def read_scenario(path: Path) -> tuple[TimedFault, ...]:
 
     Raises FleetError.
     """
-    try:
-        document = table_of(text_of(path))
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
-    tables = document.pop("fault", [])
-    if document or not isinstance(tables, list) or not 1 <= len(tables) <= MAX_FAULTS:
-        raise FleetError(f"{path}: allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")
     lines = []
-    for number, table in enumerate(tables, 1):
-        try:
-            lines.append(_line(table))
-        except FleetError as error:
-            raise FleetError(f"{path}: fault {number}: {error}") from None
+    with errors_at(path):
+        document = table_of(text_of(path))
+        tables = document.pop("fault", [])
+        if document or not isinstance(tables, list) or not 1 <= len(tables) <= MAX_FAULTS:
+            raise FleetError(f"allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")
+        for number, table in enumerate(tables, 1):
+            with errors_at(f"fault {number}"):
+                lines.append(_line(table))
     return tuple(sorted(lines, key=lambda line: line.at_s))
 
 

@@ -48,7 +48,12 @@ def flights(
         _check(_flight(check))
         return
     if digest is not None:
-        _print_digest(_flight(digest))
+        from rcopterx.flights.digest import digest_of
+
+        counted = _flight(digest)
+        _warned(counted)
+        result = digest_of(counted.parts)
+        typer.echo(f"{result.digest} of {result.messages} messages")
         return
     from rcopterx.flights.flights import default_directory, flights_in
     from rcopterx.flights.listing import summary_of
@@ -90,14 +95,6 @@ def _warned(flight: "Flight") -> list[str]:
     for line in lines:
         typer.echo(f"warning: {flight.name} is incomplete: {line}", err=True)
     return lines
-
-
-def _print_digest(flight: "Flight") -> None:
-    from rcopterx.flights.digest import digest_of
-
-    _warned(flight)
-    found = digest_of(flight.parts)
-    typer.echo(f"{found.digest} of {found.messages} messages")
 
 
 def _check(flight: "Flight") -> None:

@@ -107,8 +107,14 @@ def fly(
         raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
+    if show_list and faults:
+        _faults().list_faults()
+        return
     if show_list:
-        _faults().list_faults() if faults else _list_manoeuvres()
+        from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
+
+        for row in MANOEUVRES.values():
+            typer.echo(f"{row.name:24} {row.title}")
         return
     chaos = names == [CHAOS] and not faults
     rows = [] if faults or chaos else _chosen(names or [], every)
@@ -124,13 +130,6 @@ def fly(
 def _faults(command: str = "fly --faults") -> Any:
     """Import what flies faults."""
     return added("fly", command)
-
-
-def _list_manoeuvres() -> None:
-    from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
-
-    for row in MANOEUVRES.values():
-        typer.echo(f"{row.name:24} {row.title}")
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:

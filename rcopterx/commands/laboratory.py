@@ -56,16 +56,14 @@ def replay_tracker(
 
 
 def _replay(file: Path, port: int, speed: float) -> "TrackerReplay":
-    from rcopterx.fleet.schema import FleetError
+    from rcopterx.fleet.schema import errors_at
     from rcopterx.simulator.tracker_replay import TrackerReplay
     from rcopterx.vicon_gateway.recording import connections, read_records
 
-    try:
+    with errors_at(file, ValueError):
         with file.open("rb") as source:
             recorded = connections(read_records(source))
         return TrackerReplay(recorded, LOOPBACK, port, speed=speed)
-    except ValueError as error:
-        raise FleetError(f"{file}: {error}") from None
 
 
 def inject(

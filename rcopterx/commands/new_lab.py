@@ -55,11 +55,9 @@ def new_lab(
     _print("vehicle types, for --type", type_names())
     address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
     vehicles = _prompt_vehicles(address)
-    corners = (
-        _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
-        _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
-    )
-    write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
+    low_m = _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three)
+    high_m = _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three)
+    write_fleet_file(file, NewLaboratory(name, address, low_m, high_m, protocol, vehicle_type, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 
@@ -108,10 +106,8 @@ def _subjects_of(address: str) -> list[str]:
             why = client.state.last_error or client.state.doing
             typer.echo(f"{address}: {why}; type the names of the subjects", err=True)
             return []
-    _print(
-        "subjects of the Tracker",
-        [f"{one.name}{'  (not seen now)' if one.occluded else ''}" for one in frame.subjects],
-    )
+    lines = [f"{one.name}{'  (not seen now)' if one.occluded else ''}" for one in frame.subjects]
+    _print("subjects of the Tracker", lines)
     return [one.name for one in frame.subjects]
 
 

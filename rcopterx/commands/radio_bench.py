@@ -78,6 +78,9 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
     def stop(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
+    def wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
+        return select.select(descriptors, [], [], timeout_s)[0]
+
     path = fleet_path(fleet)
     file = load_fleet(path)
     check_known([vehicle], file.vehicles, "vehicle", "VEHICLE")
@@ -88,16 +91,12 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
     before = signal.signal(signal.SIGTERM, stop)
     try:
         # A serial port is exclusive by itself, the address of a vehicle is not.
-        with closing(reserved_state(vehicle, directory)), Workbench(own, time.monotonic, _wait) as bench:
+        with closing(reserved_state(vehicle, directory)), Workbench(own, time.monotonic, wait) as bench:
             yield file, path, bench
     except (WorkbenchError, CalibrationError) as error:
         raise failure(error) from None
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
-    return select.select(descriptors, [], [], timeout_s)[0]
 
 
 def own_model_match(file: FleetFile, vehicle: str) -> int:

@@ -1,7 +1,7 @@
 """Vehicle types and margins: `types` and `margins`."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Option
@@ -76,15 +76,9 @@ def margins(
     else:
         rows = (row for name, found in document["vehicles"].items() for row in rows_of(name, found))
         print_table(_two_lines(COLUMNS), rows)
-    below = document["beyond"] if formation else _below_rule(document)
-    if below:
+    axes = () if formation else (found["axes"] or {} for found in document["vehicles"].values())
+    if document.get("beyond") or any(axis["below_rule"] for own in axes for axis in own.values()):
         raise typer.Exit(EXIT_FAILED)
-
-
-def _below_rule(document: dict[str, Any]) -> list[str]:
-    """Vehicles with an axis that falls short."""
-    axes = {name: found["axes"] or {} for name, found in document["vehicles"].items()}
-    return [name for name, own in axes.items() if any(axis["below_rule"] for axis in own.values())]
 
 
 def _two_lines(headings: Sequence[str]) -> list[str]:
