@@ -13,6 +13,16 @@ DRONE_MODELS: Final = "drone_models:"
 ATTITUDE_PLANTS: Final = ("first_order", *(DRONE_MODELS + kind for kind in (*IDENTIFIED, "drawn")))
 
 
+_RANGES: Final = {
+    "lag_mismatch": (0.0, 0.9), "parameter_mismatch": (0.0, 0.9), "battery_sag": (0.0, 0.9),
+    "radio_period_s": (0.0, 0.2), "position_noise_m": (0.0, 1.0), "angle_noise_rad": (0.0, 1.0),
+    "trim_offset": (0.0, 1.0), "dropout_fraction": (0.0, 1.0), "turbulence_correlation_s": (1e-3, 1e3),
+    "battery_endurance_s": (1.0, 1e6), "substep_s": (1e-5, 0.004), "downwash_m_s2": (0.0, 10.0),
+    "gyro_hold_per_s": (0.0, 10.0), "gyro_drift_rad_s": (0.0, 10.0),
+}  # fmt: skip
+"""Lowest and highest value of fields of `Conditions`."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
     """Differences of the simulated laboratory from equation (1); zero switches an effect off.
@@ -78,17 +88,8 @@ class Conditions:
     """Longest integration step, at most 4 ms."""
 
     def __post_init__(self) -> None:
-        for name in ("lag_mismatch", "parameter_mismatch", "battery_sag"):
-            _require_between(name, getattr(self, name), 0.0, 0.9)
-        _require_between("radio_period_s", self.radio_period_s, 0.0, 0.2)
-        for name in ("position_noise_m", "angle_noise_rad", "trim_offset", "dropout_fraction"):
-            _require_between(name, getattr(self, name), 0.0, 1.0)
-        _require_between("turbulence_correlation_s", self.turbulence_correlation_s, 1e-3, 1e3)
-        _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
-        _require_between("substep_s", self.substep_s, 1e-5, 0.004)
-        _require_between("downwash_m_s2", self.downwash_m_s2, 0.0, 10.0)
-        _require_between("gyro_hold_per_s", self.gyro_hold_per_s, 0.0, 10.0)
-        _require_between("gyro_drift_rad_s", self.gyro_drift_rad_s, 0.0, 10.0)
+        for name, (low, high) in _RANGES.items():
+            _require_between(name, getattr(self, name), low, high)
         for name, plants in (("coaxial_plant", COAXIAL_PLANTS), ("attitude_plant", ATTITUDE_PLANTS)):
             if (plant := getattr(self, name)) not in plants:
                 raise ValueError(f"{name}: unknown plant {plant!r}; allowed: {', '.join(plants)}")

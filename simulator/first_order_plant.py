@@ -90,7 +90,7 @@ class FirstOrderPlant(SteppedPlant):
         return BodyPose((x, y, z), yaw, pitch, roll)
 
     def _stop(self, position_m: Three, yaw_rad: float) -> None:
-        self._motion = (*position_m, yaw_rad, 0.0, 0.0, 0.0, 0.0)
+        self._motion: tuple[float, ...] = (*position_m, yaw_rad, 0.0, 0.0, 0.0, 0.0)
 
     def _settle(self) -> None:
         self._actuator = self._target
@@ -160,27 +160,20 @@ class FirstOrderPlant(SteppedPlant):
         """Explicit midpoint rule for the motion under the exact response of the actuators."""
         start = self._actuator
         middle, self._actuator = self._moved(step_s)
-        x, y, z, yaw, xd, yd, zd, yaw_rate = self._motion
+        x, y, z, yaw, *velocity = self._motion
         half_s = step_s / 2
-        heading = yaw + half_s * yaw_rate
+        heading = yaw + half_s * velocity[3]
         c, s = math.cos(heading), math.sin(heading)
         wx, wy, wz, w_yaw = weather
         weather = (c * wx + s * wy, c * wy - s * wx, wz, w_yaw)
-        d_xd, d_yd, d_zd, d_rate = self._acceleration((xd, yd, zd, yaw_rate), start, weather)
-        xd_m, yd_m, zd_m, rate_m = (
-            xd + half_s * d_xd,
-            yd + half_s * d_yd,
-            zd + half_s * d_zd,
-            yaw_rate + half_s * d_rate,
-        )
-        d_xd, d_yd, d_zd, d_rate = self._acceleration((xd_m, yd_m, zd_m, rate_m), middle, weather)
+        change = self._acceleration(four(velocity), start, weather)
+        halfway = four([v + half_s * d for v, d in zip(velocity, change, strict=True)])
+        change = self._acceleration(halfway, middle, weather)
+        xd, yd, zd, yaw_rate = halfway
         self._motion = (
-            x + step_s * (c * xd_m - s * yd_m),
-            y + step_s * (s * xd_m + c * yd_m),
-            z + step_s * zd_m,
-            yaw + step_s * rate_m,
-            xd + step_s * d_xd,
-            yd + step_s * d_yd,
-            zd + step_s * d_zd,
-            yaw_rate + step_s * d_rate,
+            x + step_s * (c * xd - s * yd),
+            y + step_s * (s * xd + c * yd),
+            z + step_s * zd,
+            yaw + step_s * yaw_rate,
+            *(v + step_s * d for v, d in zip(velocity, change, strict=True)),
         )

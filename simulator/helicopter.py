@@ -237,32 +237,17 @@ class Helicopter(Plant):
         return thrust_n / self.parameters.mass_kg
 
     def _fly_on(self, count: int, step_s: float) -> int:
-        conditions = self._conditions
-        surroundings = Surroundings(
-            conditions.battery_endurance_s,
-            conditions.battery_sag,
-            self._load,
-            self.faults.thrust_factor,
-            self.wake.down_m_s2,
-            (
-                self._tilt_per_slope * self.wake.slope_x_per_s2,
-                self._tilt_per_slope * self.wake.slope_y_per_s2,
-            ),
-            conditions.volume_min_m,
-            conditions.volume_max_m,
-        )
+        conditions, wake = self._conditions, self.wake
+        battery = conditions.battery_endurance_s, conditions.battery_sag
+        tilting = self._tilt_per_slope * wake.slope_x_per_s2, self._tilt_per_slope * wake.slope_y_per_s2
+        volume = conditions.volume_min_m, conditions.volume_max_m
+        left = self.faults.thrust_factor
+        around = Surroundings(*battery, self._load, left, wake.down_m_s2, tilting, *volume)
         turbulence = STILL_AIR
         if self._weather is not None:
             turbulence = self._weather.between(self._time_s, self._time_s + count * step_s)
-        flight = fly(
-            self._airframe,
-            (self.state, self._yaw_rad, self._time_s, self._hover_seconds_used),
-            self._controls,
-            surroundings,
-            turbulence,
-            step_s,
-            count,
-        )
+        start = self.state, self._yaw_rad, self._time_s, self._hover_seconds_used
+        flight = fly(self._airframe, start, self._controls, around, turbulence, step_s, count)
         self.state, self._yaw_rad, self._time_s = flight.state, flight.yaw_rad, flight.time_s
         self._use_battery(flight.hover_seconds_used - self._hover_seconds_used)
         self.left_volume = self.left_volume or flight.left_volume

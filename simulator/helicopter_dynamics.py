@@ -148,9 +148,8 @@ def commanded_speeds(
     determinant = upper.thrust * lower.torque + lower.thrust * upper.torque
     square_upper = (lower.torque * force - lower.thrust * moment) / determinant
     square_lower = (upper.torque * force + upper.thrust * moment) / determinant
-    return math.sqrt(max(square_upper * thrust_factor, 0.0)), math.sqrt(
-        max(square_lower * thrust_factor, 0.0)
-    )
+    upper_speed = math.sqrt(max(square_upper * thrust_factor, 0.0))
+    return upper_speed, math.sqrt(max(square_lower * thrust_factor, 0.0))
 
 
 @compiled(AIRFRAME, NUMBER, NUMBER, NUMBER)
@@ -173,13 +172,8 @@ def rotor_load(
     tilt = math.hypot(tilt_x, tilt_y)
     lateral = thrust * math.sin(tilt) / tilt if tilt > _TINY else thrust
     stiffness = rotor.arm * lateral + rotor.spring
-    return (
-        lateral * tilt_x,
-        lateral * tilt_y,
-        thrust * math.cos(tilt),
-        -stiffness * tilt_y,
-        stiffness * tilt_x,
-    )
+    upward = thrust * math.cos(tilt)
+    return lateral * tilt_x, lateral * tilt_y, upward, -stiffness * tilt_y, stiffness * tilt_x
 
 
 @part
@@ -274,29 +268,15 @@ def derivative(
 @part
 def moved(state: HelicopterState, rate: HelicopterState, time_s: float) -> HelicopterState:
     """State after some time at a constant rate."""
+    s, d, h = state, rate, time_s
     return HelicopterState(
-        x=state.x + time_s * rate.x,
-        y=state.y + time_s * rate.y,
-        z=state.z + time_s * rate.z,
-        vx=state.vx + time_s * rate.vx,
-        vy=state.vy + time_s * rate.vy,
-        vz=state.vz + time_s * rate.vz,
-        qw=state.qw + time_s * rate.qw,
-        qx=state.qx + time_s * rate.qx,
-        qy=state.qy + time_s * rate.qy,
-        qz=state.qz + time_s * rate.qz,
-        p=state.p + time_s * rate.p,
-        q=state.q + time_s * rate.q,
-        r=state.r + time_s * rate.r,
-        speed_upper=state.speed_upper + time_s * rate.speed_upper,
-        speed_lower=state.speed_lower + time_s * rate.speed_lower,
-        bar_x=state.bar_x + time_s * rate.bar_x,
-        bar_y=state.bar_y + time_s * rate.bar_y,
-        bar_z=state.bar_z + time_s * rate.bar_z,
-        swash_x=state.swash_x + time_s * rate.swash_x,
-        swash_y=state.swash_y + time_s * rate.swash_y,
-        yaw_missed=state.yaw_missed + time_s * rate.yaw_missed,
-    )
+        s.x + h * d.x, s.y + h * d.y, s.z + h * d.z, s.vx + h * d.vx, s.vy + h * d.vy, s.vz + h * d.vz,
+        s.qw + h * d.qw, s.qx + h * d.qx, s.qy + h * d.qy, s.qz + h * d.qz,
+        s.p + h * d.p, s.q + h * d.q, s.r + h * d.r,
+        s.speed_upper + h * d.speed_upper, s.speed_lower + h * d.speed_lower,
+        s.bar_x + h * d.bar_x, s.bar_y + h * d.bar_y, s.bar_z + h * d.bar_z,
+        s.swash_x + h * d.swash_x, s.swash_y + h * d.swash_y, s.yaw_missed + h * d.yaw_missed,
+    )  # fmt: skip
 
 
 @part

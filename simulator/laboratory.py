@@ -151,13 +151,8 @@ class Laboratory:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
         pose = self.plants[name].marker_pose
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
-        noise_x, noise_y, noise_z, noise_yaw, noise_pitch, noise_roll = (
-            self._noise[name].standard_normal(6).tolist()
-        )
-        x, y, z = pose.position_m
-        return BodyPose(
-            (x + position_m * noise_x, y + position_m * noise_y, z + position_m * noise_z),
-            math.remainder(pose.yaw_rad + angle_rad * noise_yaw, math.tau),
-            pose.pitch_rad + angle_rad * noise_pitch,
-            pose.roll_rad + angle_rad * noise_roll,
-        )
+        noise = self._noise[name].standard_normal(6).tolist()
+        x, y, z = (place + position_m * each for place, each in zip(pose.position_m, noise[:3], strict=True))
+        yaw, pitch, roll = (angle_rad * each for each in noise[3:])
+        yaw_rad = math.remainder(pose.yaw_rad + yaw, math.tau)
+        return BodyPose((x, y, z), yaw_rad, pose.pitch_rad + pitch, pose.roll_rad + roll)

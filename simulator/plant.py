@@ -87,16 +87,10 @@ class Plant(ABC):
         self._conditions = conditions
         self._gravity_m_s2 = model.gravity_m_s2
         self._hover_input = four(model.hover_input)
-        self._weather = (
-            ColouredNoise(
-                conditions.turbulence_rms,
-                conditions.turbulence_correlation_s,
-                conditions.substep_s,
-                random_stream(seed, name, TURBULENCE),
-            )
-            if any(conditions.turbulence_rms)
-            else None
-        )
+        rms, correlation_s = conditions.turbulence_rms, conditions.turbulence_correlation_s
+        stream = random_stream(seed, name, TURBULENCE)
+        weather = ColouredNoise(rms, correlation_s, conditions.substep_s, stream)
+        self._weather = weather if any(rms) else None
         self._radio_s, delay_s = conditions.radio_period_s, conditions.transport_delay_s
         # A command waits half a radio period on average; that is part of the model's delay.
         self._delay_s = max(model.delay_s - 0.5 * self._radio_s, 0.0) if delay_s is None else delay_s
@@ -284,8 +278,7 @@ class SteppedPlant(Plant):
             self._touch_down(-climb_m_s)
         low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
         inside = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
-        if not inside:
-            self.left_volume = True
+        self.left_volume |= not inside
 
     @abstractmethod
     def _fly(self, step_s: float, weather: Four) -> None:

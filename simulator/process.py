@@ -29,13 +29,8 @@ class Simulator:
         self._session = session
         self._clock = session.clock
         self._period_s = 1 / settings.rate_hz
-        self._tracker = TrackerServer(
-            settings.tracker_host,
-            settings.tracker_port,
-            profile=settings.profile,
-            rate_hz=settings.rate_hz,
-            clock=self._clock,
-        )
+        address, rate_hz = (settings.tracker_host, settings.tracker_port), settings.rate_hz
+        self._tracker = TrackerServer(*address, profile=settings.profile, rate_hz=rate_hz, clock=self._clock)
         start_s = self._clock()
         self._room = SimulatedRoom(settings.vehicles, settings.conditions, settings.seed, start_s)
         self._frame = 0

@@ -19,15 +19,10 @@ class SimulatedRoom:
         self, vehicles: tuple[SimulatedVehicle, ...], conditions: Conditions, seed: int, start_s: float
     ) -> None:
         self.vehicles = vehicles
-        self.laboratory = Laboratory(
-            {vehicle.name: vehicle.model for vehicle in vehicles},
-            {vehicle.name: vehicle.start for vehicle in vehicles},
-            replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M)),
-            seed,
-        )
-        self.radios = {
-            vehicle.name: radio_end_of(vehicle.port, vehicle.radio, start_s) for vehicle in vehicles
-        }
+        models, starts = {one.name: one.model for one in vehicles}, {one.name: one.start for one in vehicles}
+        conditions = replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M))
+        self.laboratory = Laboratory(models, starts, conditions, seed)
+        self.radios = {one.name: radio_end_of(one.port, one.radio, start_s) for one in vehicles}
         self._armed: set[str] = set()  # whose flight controllers are armed, from throttle low to off
         self._now_s = start_s
 

@@ -155,15 +155,13 @@ class TrackerServer:
         client.queue(client.connection.greeting(), self._clock())
 
     def _receive(self, client: TrackerLink) -> None:
-        client.connection.answers_pings = (
-            self.faults.active(faults.IgnorePings) is None and self.faults.active(faults.Silence) is None
-        )
+        mute = self.faults.active(faults.IgnorePings) or self.faults.active(faults.Silence)
+        client.connection.answers_pings = mute is None
         try:
-            data = client.socket.recv(RECEIVE_BYTES)
-            if not data:
-                self._drop(client)
-            else:
+            if data := client.socket.recv(RECEIVE_BYTES):
                 self._answer(client, data)
+            else:
+                self._drop(client)
         except BlockingIOError:
             return
         except WireError:

@@ -5,6 +5,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from rcopterx.vehicles.tuples import Four, Three
 from rcopterx.vicon_gateway.objects import (
     SDK_TICKS_PER_SECOND,
     ApplicationInfo,
@@ -45,8 +46,8 @@ class TrackedBody(NamedTuple):
     """
 
     name: str
-    position_m: tuple[float, float, float]
-    quaternion_xyzw: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    position_m: Three
+    quaternion_xyzw: Four = (0.0, 0.0, 0.0, 1.0)
     quality: float = 1.0
     occluded: bool = False
     root_segment: str | None = None
@@ -131,9 +132,7 @@ class FrameContent:
             case _:
                 return _HEALTH.pack(subject, 0.2, 1.0)
 
-    def _pose(
-        self, body: TrackedBody
-    ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    def _pose(self, body: TrackedBody) -> tuple[Three, Four]:
         x, y, z = body.position_m
         translation_mm = (x * 1000.0, y * 1000.0, z * 1000.0)
         if not self._y_up:
