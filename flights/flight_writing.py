@@ -42,12 +42,9 @@ class FlightWriter:
         opener: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         free: Callable[[Path], int] = lambda directory: shutil.disk_usage(directory).free,
     ) -> None:
-        self._settings = settings
-        self._opener = opener
-        self._free = free
+        self._settings, self._opener, self._free = settings, opener, free
         self._mcap: McapFile | None = None
-        self._earlier_bytes = 0
-        self._writes = 0
+        self._earlier_bytes = self._writes = 0
         self.path: Path | None = None
         self.problem = ""  # why nothing is recorded; empty while it works
 

@@ -79,11 +79,8 @@ class Router:
         stop: threading.Event,
         credentials: Credentials | None = None,
     ) -> None:
-        self._endpoints = endpoints
-        self._credentials = credentials
-        self._namespace = namespace
-        self._states = states
-        self._stop = stop
+        self._endpoints, self._namespace, self._credentials = endpoints, namespace, credentials
+        self._states, self._stop = states, stop
         self._linked_s: float | None = None
         self._refused = False
 
@@ -110,10 +107,9 @@ class Router:
     def _opened(self) -> zenoh.Session | None:
         while not self._stop.is_set():
             for endpoint in self._endpoints:
+                config = client_config([endpoint], self._namespace, ATTEMPT_S, self._credentials)
                 try:
-                    return open_session(
-                        client_config([endpoint], self._namespace, ATTEMPT_S, self._credentials)
-                    )
+                    return open_session(config)
                 except zenoh.ZError:
                     self._refused = True
                     self._stop.wait(0.01)
@@ -153,9 +149,7 @@ def kill(
             threads[-1].start()
             if not running.vehicles:
                 unknown.append(router)
-    wanted = {
-        (running.fleet, name) for running in fleets for name in running.vehicles if _meant(name, vehicles)
-    }
+    wanted = {(one.fleet, name) for one in fleets for name in one.vehicles if _meant(name, vehicles)}
     give_up_s = time.monotonic() + CONFIRM_S
     while True:
         reported = states.now()

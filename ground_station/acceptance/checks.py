@@ -129,11 +129,7 @@ def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
     """Formation error of every follower, also while offsets change."""
 
     def judge(_: FlightFigures, vehicles: Tables) -> Result:
-        errors = {
-            name: table["formation_error_mm"]
-            for name, table in vehicles.items()
-            if table["formation_error_mm"]
-        }
+        errors = {name: found for name, table in vehicles.items() if (found := table["formation_error_mm"])}
         good = all(error["rms"] <= rms_mm and error["max"] <= max_mm for error in errors.values())
         return bool(errors) and good, errors
 
@@ -192,9 +188,8 @@ def controllers_flown(name: str, *controllers: str) -> Check:
     """Controllers of a vehicle in order."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
-        flown = [
-            key for key, _ in groupby(status.diagnostics.controller for status in figures.statuses[name])
-        ]
+        used = (status.diagnostics.controller for status in figures.statuses[name])
+        flown = [controller for controller, _ in groupby(used)]
         return flown == list(controllers), flown
 
     return Check(f"{name} flies with {', '.join(controllers)}", judge)

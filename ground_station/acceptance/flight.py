@@ -144,7 +144,6 @@ def write_report(report: dict[str, Any], directory: Path) -> Path:
 def reason_not_to_fly(manoeuvre: Manoeuvre, fleet: Fleet) -> str | None:
     """Reason why a running fleet cannot fly a manoeuvre; None if it can."""
     made_for = load_fleet(fleet_path(manoeuvre.fleet)).vehicles
-    missing = [name for name in made_for if name not in fleet.file.vehicles]
-    if missing:
+    if missing := [name for name in made_for if name not in fleet.file.vehicles]:
         return f"made for the fleet {manoeuvre.fleet}; {fleet.file.name} has no {', '.join(missing)}"
     return None

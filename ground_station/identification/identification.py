@@ -104,15 +104,10 @@ def excited_flights(
     begun: list[str] = []
     try:
         for index, name in enumerate(names):
-            excitation = excitation_for(
-                model_of(fleet.file, name), wanted.duration_s, wanted.strength, index % COMBS
-            )
-            request = Excite(
-                duration_s=wanted.duration_s,
-                amplitude=four(np.array(excitation.amplitude)),
-                reach_m=wanted.reach_m,
-                comb=excitation.comb,
-            )
+            model, duration_s = model_of(fleet.file, name), wanted.duration_s
+            excitation = excitation_for(model, duration_s, wanted.strength, index % COMBS)
+            sticks, comb = four(np.array(excitation.amplitude)), excitation.comb
+            request = Excite(duration_s=duration_s, amplitude=sticks, reach_m=wanted.reach_m, comb=comb)
             reply = fleet.session.request(name, request)
             if reply.accepted:
                 begun.append(name)

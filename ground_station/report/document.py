@@ -51,34 +51,27 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Html:
 
 def vehicle_table(vehicles: Mapping[str, Mapping[str, Any]]) -> Html:
     """Errors, periods, solver times, fallbacks and safety of vehicles, see `FlightFigures.vehicle`."""
-    return table(
-        VEHICLE_COLUMNS,
+    rows = (
         (
-            (
-                name,
-                pair(figures["formation_error_mm"], "rms", "max"),
-                pair(figures["tracking_error_mm"], "rms", "max"),
-                figures["ticks"],
-                figures["missed_ticks"],
-                pair(figures["solve_ms"], "p50", "p99"),
-                ", ".join(f"{kind} {count}" for kind, count in figures["fallbacks"].items()) or "none",
-                "; ".join(figures["safety"]) or "none",
-            )
-            for name, figures in vehicles.items()
-        ),
+            name,
+            pair(figures["formation_error_mm"], "rms", "max"),
+            pair(figures["tracking_error_mm"], "rms", "max"),
+            figures["ticks"],
+            figures["missed_ticks"],
+            pair(figures["solve_ms"], "p50", "p99"),
+            ", ".join(f"{kind} {count}" for kind, count in figures["fallbacks"].items()) or "none",
+            "; ".join(figures["safety"]) or "none",
+        )
+        for name, figures in vehicles.items()
     )
+    return table(VEHICLE_COLUMNS, rows)
 
 
 def percentile_table(rows: Mapping[str, Mapping[str, float] | None]) -> Html:
     """Percentiles in milliseconds by label, without labels that have none."""
-    return table(
-        ("", *PERCENTILES),
-        (
-            (f"{label} [ms]", *(figures[name] for name in PERCENTILES))
-            for label, figures in rows.items()
-            if figures
-        ),
-    )
+    known = ((label, figures) for label, figures in rows.items() if figures)
+    cells = ((f"{label} [ms]", *map(figures.__getitem__, PERCENTILES)) for label, figures in known)
+    return table(("", *PERCENTILES), cells)
 
 
 def pair(figures: Mapping[str, float] | None, first: str, second: str) -> str:

@@ -5,7 +5,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import chain, pairwise
+from itertools import chain, groupby, pairwise
 from operator import itemgetter
 from typing import Any, TypeVar
 
@@ -58,11 +58,8 @@ class FlightFigures:
         poses = by_vehicle(channels.POSE)
         offsets = epoch_offsets(chain.from_iterable(poses.values()), true_offsets)
 
-        def continued(messages: Mapping[str, list[S]]) -> dict[str, list[S]]:
-            return {
-                name: [shifted(m, offsets.get(m.epoch, 0)) for m in stamped]
-                for name, stamped in messages.items()
-            }
+        def continued(by_name: Mapping[str, list[S]]) -> dict[str, list[S]]:
+            return {name: [shifted(m, offsets.get(m.epoch, 0)) for m in own] for name, own in by_name.items()}
 
         self._poses = continued(poses)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
@@ -224,12 +221,8 @@ class FlightFigures:
 
     def _safety_events(self, name: str) -> list[str]:
         """States of the arbiter other than armed, each with its reason, in order."""
-        events: list[str] = []
-        for status in self._transmitters[name]:
-            event = f"{status.state}: {status.reason}"
-            if status.state != "armed" and events[-1:] != [event]:
-                events.append(event)
-        return events
+        statuses = (status for status in self._transmitters[name] if status.state != "armed")
+        return [event for event, _ in groupby(f"{status.state}: {status.reason}" for status in statuses)]
 
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""

@@ -77,13 +77,11 @@ def _label(stage: str) -> str:
 
 
 def _events(flight: LoggedFlight) -> Html:
-    return table(
-        ("time", "source", "event"),
-        (
-            (f"{event.time_s:.2f} s", event.vehicle, (event.words, "failed" if event.alarming else ""))
-            for event in flight.events
-        ),
+    rows = (
+        (f"{event.time_s:.2f} s", event.vehicle, (event.words, "failed" if event.alarming else ""))
+        for event in flight.events
     )
+    return table(("time", "source", "event"), rows)
 
 
 def _margins(flight: LoggedFlight) -> Html:

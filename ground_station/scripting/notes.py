@@ -99,14 +99,15 @@ def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
 
 def link_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
     """A line for every link that is missing, and for every host that is linked with `here`."""
-    lines = []
-    missing = set()
+    lines, missing = [], set()
     for host, status in sorted(statuses.items()):
         for other, state in sorted(status.links.items()):
             if not state.linked:
                 missing.add(tuple(sorted((host, other))))
             elif host == here:
-                lines.append(f"host {other}: {_clock(state, here)}{_incidents(state)}")
+                redialled = f", redials: {state.redials}" if state.redials else ""
+                late = f", late beats: {state.late}" if state.late else ""
+                lines.append(f"host {other}: {_clock(state, here)}{redialled}{late}")
     return [f"hosts {first} and {second} are not linked" for first, second in sorted(missing)] + lines
 
 
@@ -129,9 +130,3 @@ def _clock(state: LinkState, here: str) -> str:
         f"clock {abs(offset_ms):.1f} +- {uncertain_ms:.1f} ms {side} that of {here}, "
         f"round trip {1e3 * state.round_trip_s:.1f} ms"
     )
-
-
-def _incidents(state: LinkState) -> str:
-    redialled = f", redials: {state.redials}" if state.redials else ""
-    late = f", late beats: {state.late}" if state.late else ""
-    return redialled + late

@@ -225,27 +225,17 @@ class Observer:
         """Notes that do not block take-off: subjects, recordings, hosts, failures in flight."""
         now_s, statuses = self.session.clock(), self.statuses()
         tracker = _newest(self.tracker, now_s)[0]
-        return [
-            *tracker_notes(tracker),
-            *link_notes(self._router_statuses(), self._host),
-            *(
-                line
-                for host, inbox in tuple(self._recorders.inboxes.items())
-                if (received := inbox.latest()) is not None
-                for line in recorder_notes(host, received.message, inbox.alive(now_s))
-            ),
-            *(line for host, status in self.launchers().items() for line in launcher_notes(host, status)),
-            *(
-                f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
-                for name, status in statuses.items()
-                if status.diagnostics.effort_factor > 1.0
-            ),
-            *(
-                f"{name}: {remark}"
-                for name, status in statuses.items()
-                for remark in status.diagnostics.remarks
-            ),
-        ]
+        lines = [*tracker_notes(tracker), *link_notes(self._router_statuses(), self._host)]
+        for host, inbox in tuple(self._recorders.inboxes.items()):
+            if (received := inbox.latest()) is not None:
+                lines += recorder_notes(host, received.message, inbox.alive(now_s))
+        for host, launcher in self.launchers().items():
+            lines += launcher_notes(host, launcher)
+        for name, status in statuses.items():
+            if (factor := status.diagnostics.effort_factor) > 1.0:
+                lines.append(f"{name} oscillated: effort factor {factor:g} until it is tuned")
+            lines += [f"{name}: {remark}" for remark in status.diagnostics.remarks]
+        return lines
 
     def crowded_hosts(self) -> list[str]:
         """A line for every host on which more agents run than it serves without missed control periods."""

@@ -112,17 +112,9 @@ class Vehicle:
         """
         if isinstance(leader, str):
             x, y, z = offset_m
-            following: tuple[LeaderLink, ...] = (
-                LeaderLink(
-                    leader=leader,
-                    offset_m=(float(x), float(y), float(z)),
-                    yaw_offset_rad=float(yaw_offset_rad),
-                    frame=frame,
-                ),
-            )
-        else:
-            following = tuple(leader)
-        return self._request(requests.Follow(following=following, transition_s=transition_s))
+            place, turn = (float(x), float(y), float(z)), float(yaw_offset_rad)
+            leader = [LeaderLink(leader=leader, offset_m=place, yaw_offset_rad=turn, frame=frame)]
+        return self._request(requests.Follow(following=tuple(leader), transition_s=transition_s))
 
     def lead(self) -> None:
         """Stop following and hold the present position."""

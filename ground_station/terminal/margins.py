@@ -159,19 +159,11 @@ def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
             ", ".join(margin["below_rule"]) or "-",
         )
     rule = found["rule"]
+    gain, frequency = rule["gain_factor"], rule["frequency_fraction"]
     yield (
-        name,
-        "rule",
-        f"{rule['gain_factor']:.2f}",
-        f"{1 / rule['gain_factor']:.2f}",
-        "",
-        f"{1000 * rule['delay_s']:.0f}",
-        f"{1 + rule['frequency_fraction']:.2f}",
-        f"{1 - rule['frequency_fraction']:.2f}",
-        f"{SENSITIVITY_LIMIT:.2f}",
-        "all",
-        "",
-    )
+        name, "rule", f"{gain:.2f}", f"{1 / gain:.2f}", "", f"{1000 * rule['delay_s']:.0f}",
+        f"{1 + frequency:.2f}", f"{1 - frequency:.2f}", f"{SENSITIVITY_LIMIT:.2f}", "all", "",
+    )  # fmt: skip
 
 
 def _at_most(value: float, limit: float, digits: int) -> str:

@@ -66,7 +66,9 @@ def vehicle_status(state: VehicleState) -> dict[str, Any]:
         "seen_age_s": _rounded(state.seen_age_s),
         "error_mm": None if state.error_m is None else round(1000 * state.error_m, 1),
         "agent": _agent(state),
-        "transmitter": _transmitter(state),
+        "transmitter": None
+        if state.transmitter is None
+        else _fields(state.transmitter) | {"age_s": _rounded(state.transmitter_age_s)},
     }
 
 
@@ -82,12 +84,6 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "client": figures.client or None,
         "solve_ms": {"p50": figures.solve_ms_p50, "p99": figures.solve_ms_p99, "max": figures.solve_ms_max},
     }
-
-
-def _transmitter(state: VehicleState) -> dict[str, Any] | None:
-    if state.transmitter is None:
-        return None
-    return _fields(state.transmitter) | {"age_s": _rounded(state.transmitter_age_s)}
 
 
 def readable(status: Mapping[str, Any], vehicles: Iterable[object] = ()) -> str:
