@@ -20,8 +20,7 @@ class RadioLink(Reception):
 
     def __init__(self, module: RadioModule, receiver: Receiver) -> None:
         super().__init__(module.frames)
-        self.module = module
-        self.receiver = receiver
+        self.module, self.receiver = module, receiver
 
     def power_cycle(self, now_s: float) -> None:
         """See `RadioModule`."""

@@ -31,8 +31,7 @@ class VehicleUdp(RadioEnd):
 
     def __init__(self, address: tuple[str, int] | str, vehicle: UdpVehicle) -> None:
         super().__init__(vehicle)
-        self.vehicle = vehicle
-        self._address = address
+        self.vehicle, self._address = vehicle, address
         self._socket: socket.socket | None = self._bound()
         self._peer: tuple[str, int] | bytes | None = None
 

@@ -33,8 +33,7 @@ class Vehicle:
     """One vehicle of a running fleet."""
 
     def __init__(self, fleet: Observer, name: str) -> None:
-        self._fleet = fleet
-        self.name = name
+        self._fleet, self.name = fleet, name
 
     def __str__(self) -> str:
         return str(self.state)
