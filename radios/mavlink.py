@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.radios.mavlink_parameters import ParameterCheck
+from rcopterx.radios.mavlink_poses import vision_pose
 from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import AutopilotState
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
@@ -111,14 +112,7 @@ class MavlinkProtocol(SetPointRadio):
             return []
         (x, y, z, yaw_rad), self._pose = self._pose, None
         roll_rad, pitch_rad, _ = self._state.attitude_rad
-        time_us, unknown = round(1e6 * self._now_s), [math.nan] * 21
-        return [
-            self._packed(
-                mavlink.MAVLink_vision_position_estimate_message(
-                    time_us, x, -y, -z, roll_rad, pitch_rad, -yaw_rad, unknown
-                )
-            )
-        ]
+        return [self._packed(vision_pose(self._now_s, (x, y, z), (roll_rad, pitch_rad, -yaw_rad)))]
 
     def _kill(self) -> list[bytes]:
         packets = [self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCE)]

@@ -1,10 +1,12 @@
 """Settings of the radio protocol `mavlink`, which need no library."""
 
+import ipaddress
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from rcopterx.radios.protocol import ProtocolError, SerialLine, check_choice, check_ranges
 from rcopterx.radios.set_points import FullStick
+from rcopterx.radios.udp import udp_address
 
 
 class Mode(NamedTuple):
@@ -44,7 +46,10 @@ class MavlinkSettings(FullStick):
     """Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
     position."""
     external_pose: bool = False
-    """Send the poses of motion capture as well, for its estimator: 130 bytes in each frame."""
+    """Send the poses of motion capture as well, for its estimator: 130 bytes in each frame. They end with the
+    transmitter gateway; `pose_port` does not."""
+    pose_port: str = ""
+    """`udp://ADDRESS:PORT` of a further link of the autopilot, which the Vicon gateway sends the poses to."""
     flight_termination: bool = False
     """With a kill also request flight termination, which PX4 keeps until it restarts."""
 
@@ -54,5 +59,17 @@ class MavlinkSettings(FullStick):
         check_ranges(self, "mavlink", system=(1, 255), own_system=(1, 255))
         check_ranges(self, "mavlink", baud=(57_600, 3_000_000), local_port=(0, 65_535))
         check_choice("mavlink.mode", self.mode, MODES)
+        if self.pose_port:
+            self._check_pose_port()
         if self.system == self.own_system:
             raise ProtocolError(f"mavlink.own_system: {self.own_system} is the vehicle's, choose another one")
+
+    def _check_pose_port(self) -> None:
+        """Raise `ProtocolError` if poses cannot be sent there; the Vicon gateway looks no names up."""
+        host, _ = udp_address(self.pose_port)
+        try:
+            ipaddress.IPv4Address(host)
+        except ValueError:
+            raise ProtocolError(f"mavlink.pose_port: {host!r} is no IP address of version 4") from None
+        if self.external_pose:
+            raise ProtocolError("mavlink.pose_port: leave external_pose out, poses are sent once")

@@ -6,7 +6,7 @@ import signal
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from rcopterx.vicon_gateway.recording import RecordingFile
 
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # imports in vain where there is a Vicon Tracker
+    from rcopterx.vicon_gateway.external_poses import PoseLink, PoseSender  # their library is an extra
 
 SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
@@ -100,7 +101,8 @@ def _in_a_room(position: Position) -> bool:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """Motion capture, None for Vicon as `brand`; subjects; and a new file for the raw stream, if any."""
+    """Motion capture, None for Vicon as `brand`; subjects; a new file for the raw stream, if any; and links
+    of vehicles that get their poses from this process."""
 
     bus: BusAddress
     host: str
@@ -109,6 +111,7 @@ class TrackerSettings:
     brand: "BrandSettings | None" = None
     record_raw: Path | None = None
     realtime_priority: int = 0
+    pose_links: "Mapping[str, PoseLink]" = field(default_factory=dict)
 
 
 STATUS_PERIOD_S = 0.2
@@ -127,8 +130,10 @@ class TrackerGateway:
         session: Session,
         realtime: bool,
         recording: Path | None = None,
+        pose_sender: "PoseSender | None" = None,
     ) -> None:
         self._settings = settings
+        self._pose_sender = pose_sender
         self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
@@ -174,6 +179,8 @@ class TrackerGateway:
             publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
             for vehicle, subject in self._subjects.update(frame):
                 publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
+                if self._pose_sender is not None:
+                    self._pose_sender.send(vehicle, subject, frame.received_s)
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
         """Begin a newer epoch than transmitters or agents report, though the clock was set back."""
@@ -212,6 +219,7 @@ class TrackerGateway:
             "epochs": self.epochs.epochs,
             "standbys": self.standbys,
             "poses in no room": self._subjects.far,
+            "poses for autopilots not sent": 0 if self._pose_sender is None else self._pose_sender.failed,
             "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"
@@ -289,7 +297,13 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
                 at_once=settings.bus.clock.lockstep,
             )
         stack.callback(client.close)
-        gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
+        path, sender = None if file is None else file.path, None
+        if settings.pose_links:
+            from rcopterx.vicon_gateway.external_poses import PoseSender
+
+            sender = PoseSender(settings.pose_links)
+            stack.callback(sender.close)
+        gateway = TrackerGateway(settings, client, session, realtime, path, sender)
         heartbeat = own_heartbeat()
         prepare_loop()
         while not stopping:

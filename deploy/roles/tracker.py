@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known, errors_at
+from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.user_text import TextError, host_and_port
 from rcopterx.vicon_gateway.client import LibraryMissingError
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
@@ -13,6 +14,7 @@ from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # a Vicon Tracker needs no other brand
+    from rcopterx.vicon_gateway.external_poses import PoseLink
 
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
@@ -39,7 +41,31 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
         brand=brand_of(fleet),
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
+        pose_links=_pose_links(fleet),
     )
+
+
+def _pose_links(fleet: FleetFile) -> "dict[str, PoseLink]":
+    """Return the links of autopilots that get their poses from the Vicon gateway, by vehicle."""
+    tables = {
+        name: type_of(fleet, name).file.transmitter.settings | vehicle.transmitter.settings
+        for name, vehicle in fleet.vehicles.items()
+    }
+    wanted = [name for name, table in tables.items() if table.get("pose_port")]
+    if not wanted:
+        return {}
+    # Their library is an extra.
+    from rcopterx.fleet.radios import protocol_of
+    from rcopterx.radios.mavlink import MavlinkProtocol
+    from rcopterx.radios.udp import udp_address
+    from rcopterx.vicon_gateway.external_poses import PoseLink
+
+    radios = {name: protocol_of(fleet, name) for name in wanted}
+    return {
+        name: PoseLink(udp_address(radio.settings.pose_port), radio.settings.system)
+        for name, radio in radios.items()
+        if isinstance(radio, MavlinkProtocol)
+    }
 
 
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
