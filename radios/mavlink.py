@@ -220,7 +220,7 @@ class MavlinkProtocol(SetPointRadio):
         if self._armed:
             return state.other_mode if state.armed else "the autopilot has disarmed"
         if not state.armed:
-            return self._parameters.problem or state.arming_problem
+            return self._parameters.problem or state.arming_problem(now_s)
         if not state.obeys:
             return f"armed, not by the gateway: {state.other_mode}"
         return f"the autopilot is still armed: {state.complaint or 'it has not answered yet'}"

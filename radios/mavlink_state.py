@@ -1,6 +1,7 @@
 """What an autopilot reports by MAVLink (messages: mavlink.io, dialect common)."""
 
 import math
+from collections import deque
 from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
@@ -24,6 +25,8 @@ MODE_NAMES = {(ARDUPILOT, number): name for number, name in enumerate(_COPTER_MO
     )
 }  # fmt: skip
 LONGEST_TEXT = 50  # of one packet; a shorter one is the last part
+TEXT_S = 2.0  # a text explains what happens so long before or after it
+REPEATED_S = 35.0  # ArduPilot repeats what forbids to arm every 30 s
 
 
 class StatusTexts:
@@ -75,8 +78,9 @@ class AutopilotState:
         self._reported = mode.reported
         self.attitude_rad: tuple[float, float, float] | None = None
         self.voltage_v: float | None = None
-        self.complaint = self._text = ""
-        self._texts = StatusTexts()
+        self.complaint = ""
+        self._texts, self._said = StatusTexts(), deque[tuple[float, str]](maxlen=4)
+        self._mode_reason, self._mode_s, self._refused_s = "", -math.inf, -math.inf
         self.refused_since_s = math.inf
         self._refuses_to_arm = False
         self._autopilot = mode.autopilot
@@ -95,6 +99,8 @@ class AutopilotState:
                 if now_s >= self._claimed_s + SETTLING_S:
                     self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                     self.obeys = message.custom_mode == self._mode.reported
+                    if message.custom_mode != self._reported:
+                        self._mode_reason, self._mode_s = self._said_since(now_s - TEXT_S), now_s
                     self._reported = message.custom_mode
             case "ATTITUDE":
                 attitude_rad = (message.roll, message.pitch, message.yaw)
@@ -106,9 +112,22 @@ class AutopilotState:
                 reported = message.voltage_battery != NO_VOLTAGE
                 self.voltage_v = 0.001 * message.voltage_battery if reported else None
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
-                self._text = self._texts.take(message, now_s) or self._text
-                if self._text and self.complaint.startswith(UNEXPLAINED):
-                    self.complaint = self._text
+                if text := self._texts.take(message, now_s):
+                    self._explain(text, now_s)
+
+    def _explain(self, text: str, now_s: float) -> None:
+        """Keep a warning, which may belong to what happens soon or has just happened."""
+        text = " ".join(
+            "".join(one if one.isprintable() else " " for one in text).split()
+        )  # PX4 ends with a tab
+        self._said.append((now_s, text))
+        if self.complaint.startswith(UNEXPLAINED) and now_s <= self._refused_s + TEXT_S:
+            self.complaint = text
+        if now_s <= self._mode_s + TEXT_S:
+            self._mode_reason = self._said_since(self._mode_s - TEXT_S)
+
+    def _said_since(self, since_s: float) -> str:
+        return "; ".join(dict.fromkeys(text for said_s, text in self._said if said_s >= since_s))
 
     def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
         """Keep the answer to a command: its change or refusal; `arming` if the last one was to arm."""
@@ -121,9 +140,9 @@ class AutopilotState:
             else:
                 self.armed = arming
         elif message.result != mavlink.MAV_RESULT_IN_PROGRESS:
-            # The text may come a moment before or after the answer.
-            text = self._text or self._texts.unfinished(now_s)
-            self.complaint, self._text = text or f"{UNEXPLAINED} {message.result}", ""
+            text = self._said_since(now_s - TEXT_S) or self._texts.unfinished(now_s)
+            self.complaint, self._refused_s = text or f"{UNEXPLAINED} {message.result}", now_s
+            self._said.clear()
             if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and not arming:
                 self.refused_since_s = min(self.refused_since_s, now_s)
 
@@ -137,18 +156,18 @@ class AutopilotState:
         judged = self.obeys if self._autopilot == PX4 else message.onboard_control_sensors_enabled & bit
         self._refuses_to_arm = bool(judged) and not message.onboard_control_sensors_health & bit
 
-    @property
-    def arming_problem(self) -> str | None:
+    def arming_problem(self, now_s: float) -> str | None:
         """Why it would refuse to arm by its own checks; None if it would not, or reports none."""
         if not self._refuses_to_arm:
             return None
-        return f"the autopilot would refuse to arm: {self.complaint or self._text or 'its own checks fail'}"
+        reason = self.complaint or self._said_since(now_s - REPEATED_S) or "its own checks fail"
+        return f"the autopilot would refuse to arm: {reason}"
 
     @property
     def other_mode(self) -> str:
-        """Mode that a pilot or a failsafe has chosen, with the newest warning."""
+        """Mode that a pilot or a failsafe has chosen, with the warnings around the change."""
         name = MODE_NAMES.get((self._autopilot, self._reported), "of a pilot or a failsafe")
-        return f"mode {name} ({self._reported})" + (f": {self._text}" if self._text else "")
+        return f"mode {name} ({self._reported})" + (f": {self._mode_reason}" if self._mode_reason else "")
 
     def sees_attitude(self, now_s: float) -> bool:
         """Whether attitudes arrive."""

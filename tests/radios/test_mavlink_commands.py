@@ -23,7 +23,7 @@ from mavlink_peer import (
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, set_point_of
-from rcopterx.radios.mavlink_state import SETTLING_S
+from rcopterx.radios.mavlink_state import SETTLING_S, TEXT_S
 from rcopterx.radios.protocol import FrameFlags
 from rcopterx.radios.set_points import AttitudeSetPoint
 
@@ -189,3 +189,50 @@ def test_a_kill_forces_in_every_frame_until_it_is_reported_and_then_now_and_then
         each for _ in range(40) for each in peer.frame(LOW, KILL) if getattr(each, "param2", 0) == FORCE
     ]
     assert len(forced) in (3, 4)
+
+
+def warning(peer: Peer, text: bytes, severity: int = mavlink.MAV_SEVERITY_WARNING) -> None:
+    peer.report(peer.link.statustext_encode(severity, text))
+
+
+def test_texts_of_long_ago_explain_neither_a_refusal_nor_a_mode() -> None:
+    peer = Peer()
+    peer.heartbeat(armed=True, mode=OFFBOARD << 16)
+    peer.frame(HOVER)
+    warning(peer, b"GPS Glitch")
+    peer.now_s += TEXT_S + 0.5
+    peer.attitude(0.0)
+    peer.heartbeat(armed=True, mode=4 << 16 | 6 << 24)
+    assert peer.text == "mode LAND (100925440)"
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert "GPS Glitch" not in peer.text
+    peer.now_s += TEXT_S + 0.5
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.attitude(0.0)
+    warning(peer, b"Compass 2 calibrated")
+    assert "Compass" not in peer.text
+
+
+def test_a_refusal_shows_its_text_and_the_warning_just_before_as_px4_sends_the_cause() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    warning(peer, b"Preflight Fail: ekf2 missing data")
+    peer.now_s += 1.0
+    peer.attitude(0.0)
+    warning(peer, b"Arming denied: Resolve system health failures", mavlink.MAV_SEVERITY_CRITICAL)
+    peer.answer(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+    assert peer.text.endswith(
+        "Preflight Fail: ekf2 missing data; Arming denied: Resolve system health failures"
+    )
+
+
+def test_tabs_and_other_control_characters_of_a_text_are_spaces() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    warning(peer, b"Arming denied:\tResolve\x07 failures\t")
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert peer.text.endswith(": Arming denied: Resolve failures")
