@@ -1,13 +1,15 @@
 """Models of the vehicles of a fleet file, and the limits of their arbiters."""
 
+import math
 from dataclasses import replace
 from typing import Final
 
-from rcopterx.fleet.reading import merged, replaced
+from rcopterx.fleet.reading import dataclass_from, merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import battery_limits, type_of
 from rcopterx.radios.battery import BatteryLimits
 from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, StandingLimits, SurveillanceLimits
+from rcopterx.radios.registry import settings_class
 from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST
@@ -15,10 +17,27 @@ from rcopterx.vehicles.state import U_THRUST
 
 def model_of(fleet: FleetFile, name: str) -> Model:
     """Return the model of a vehicle: type, parameters of the file, bounds by the volume; or `FleetError`."""
-    model = replaced(type_of(fleet, name).model, fleet.vehicles[name].model, f"vehicles.{name}.model")
+    model = replaced(_with_full_sticks(fleet, name), fleet.vehicles[name].model, f"vehicles.{name}.model")
     # Set points stay within the volume, which may begin above the floor; flights begin and end on the floor.
     (low_x, low_y, low_z), high = fleet.volume.min_m, fleet.volume.max_m
     return model.within((low_x, low_y, min(low_z, 0.0)), high)
+
+
+def _with_full_sticks(fleet: FleetFile, name: str) -> Model:
+    """Return the model of a vehicle's type with the gains that follow from settings of the radio."""
+    own, transmitter = type_of(fleet, name), fleet.vehicles[name].transmitter
+    usual, table = own.file.transmitter, transmitter.settings
+    other_protocol = transmitter.protocol not in (None, usual.protocol)
+    if other_protocol or not table.keys() & {"full_tilt_deg", "full_yaw_rate_deg_s"}:
+        return own.model
+    kind, where = settings_class(usual.protocol), f"vehicles.{name}.transmitter.settings"
+    before, after = (
+        dataclass_from(kind, settings, where) for settings in (usual.settings, usual.settings | table)
+    )
+    tilt = math.tan(math.radians(after.full_tilt_deg)) / math.tan(math.radians(before.full_tilt_deg))
+    pitch, roll, thrust, yaw = own.model.input_gain
+    yaw *= after.full_yaw_rate_deg_s / before.full_yaw_rate_deg_s
+    return replace(own.model, input_gain=(tilt * pitch, tilt * roll, thrust, yaw))
 
 
 SLOWER: Final = 2.0  # a landing from the volume's ceiling may take so many times the speed's time

@@ -130,6 +130,9 @@ class Model:
     other one is faster, and its torque comes first."""
     tilt: TiltModel | None = None
     """How pitch and roll sticks become acceleration; None for a first-order lag, `lag_s`."""
+    sticks_known: bool = False
+    """Whether a firmware reaches the tilt and the yaw rate that its settings give to full sticks, so that an
+    identification keeps their gains."""
     uncertainty: Uncertainty = UNIDENTIFIED
     """How far the true vehicle may be from these numbers."""
 

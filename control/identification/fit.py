@@ -286,7 +286,7 @@ def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
 def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], hover: float) -> Model:
     """Fitted model with derived values: uncertainty, hover thrust, equivalent lags."""
     certain = {number.name: number.deviation / number.value for number in numbers if number.value > 0.0}
-    gain = max(certain[PITCH_GAIN.name], certain[ROLL_GAIN.name])
+    gain = max(certain.get(one.name, 0.0) for one in (PITCH_GAIN, ROLL_GAIN))  # gains that are kept are known
     uncertainty = Uncertainty(
         gain_factor=max(IDENTIFIED.gain_factor, 1.0 + _THREE_DEVIATIONS * gain),
         delay_s=IDENTIFIED.delay_s,

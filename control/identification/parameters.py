@@ -171,16 +171,18 @@ def vertical_parameters(logged: bool) -> tuple[Parameter, ...]:
 
 def heading_parameters(model: Model) -> tuple[Parameter, ...]:
     """Return the parameters of the heading of a model."""
-    return (*_HEADING, _COUPLING) if model.yaw_gyro else _HEADING
+    found = _HEADING[1:] if model.sticks_known else _HEADING
+    return (*found, _COUPLING) if model.yaw_gyro else found
 
 
 def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...]:
     """Return the parameters of the horizontal motion of a model, with or without measured tilt."""
+    motion = _HORIZONTAL[2:] if model.sticks_known else _HORIZONTAL
     if model.tilt is None:
-        return (*_HORIZONTAL, *_LAG, *_TRIM)
+        return (*motion, *_LAG, *_TRIM)
     bar = model.tilt.bar_time_constant_s is not None
     return (
-        *_HORIZONTAL,
+        *motion,
         *(_TILT if bar else _PLAIN_TILT),
         *(_BAR if bar else ()),
         *((FLAPPING,) if model.tilt.flapping_rad_s_m else ()),

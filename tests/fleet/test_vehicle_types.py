@@ -223,3 +223,15 @@ def test_full_stick_of_a_quadrotor_with_mavlink_is_the_same_for_its_model_and_it
     yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
     assert [type_calibration(kind).throttle.pulse_us(u) for u in (0.0, 0.5, 1.0)] == [1100.0, 1500.0, 1900.0]
+
+
+@pytest.mark.parametrize("kind", ["crazyflie", "mavlink_quadrotor"])
+def test_gains_follow_the_full_sticks_of_the_radio_unless_the_file_gives_them(kind: str) -> None:
+    settings = "settings = {{ full_tilt_deg = 20.0, full_yaw_rate_deg_s = 100.0 }}"
+    text = FLEET.replace('"radio-h1"', f'"radio-h1", {settings}')
+    usual, found = (model_of(parse_fleet(one.format(type=kind)), "h1") for one in (FLEET, text))
+    tilt = math.tan(math.radians(20.0)) / math.tan(math.radians(30.0))
+    expected = np.array(usual.input_gain) * (tilt, tilt, 1.0, 0.5)
+    assert found.input_gain == pytest.approx(tuple(expected))
+    own = text + "model = {{ input_gain = [1.0, 2.0, 20.0, 30.0] }}"
+    assert model_of(parse_fleet(own.format(type=kind)), "h1").input_gain == (1.0, 2.0, 20.0, 30.0)

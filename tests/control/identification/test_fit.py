@@ -241,3 +241,14 @@ def test_the_push_of_walls_and_wakes_does_not_bias_gains(found: Identification) 
     assert pushed.problems == pushed.remarks == ()
     assert pushed.model.input_gain[:2] == pytest.approx(found.model.input_gain[:2], rel=0.02)
     assert pushed.model.uncertainty.delay_s == IDENTIFIED.delay_s
+
+
+def test_gains_that_follow_from_settings_are_kept() -> None:
+    known = replace(QUADROTOR, sticks_known=True)
+    gain = known.input_gain
+    other = replace(known, input_gain=(0.7 * gain[0], 1.3 * gain[1], 1.1 * gain[2], 1.2 * gain[3]))
+    found = identify(simulated_flight(other), known)
+    assert not {"pitch gain", "roll gain", "yaw rate gain"} & numbers(found).keys()
+    assert found.model.input_gain[:2] == gain[:2]
+    assert found.model.input_gain[3] / -found.model.damping[3] == pytest.approx(gain[3] / -known.damping[3])
+    assert found.model.uncertainty.gain_factor >= IDENTIFIED.gain_factor
