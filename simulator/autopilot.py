@@ -15,15 +15,16 @@ from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import AttitudeSetPoint
+from rcopterx.simulator.autopilot_heading import HeadingControl, body_of
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
+from rcopterx.vehicles.model import Model
 
 LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24  # modes of PX4 as reported
 SLOWEST_STREAM_S: Final = 0.5
 STREAM_BEFORE_S: Final = 1.0
 LOSS_S: Final = 1.0  # `COM_OF_LOSS_T`
-YAW_GAIN_PER_S: Final = 2.8
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
 SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
@@ -66,6 +67,7 @@ class EmulatedAutopilot(UdpVehicle):
         else:
             self.parameters["MC_YAWRATE_MAX"] = settings.full_yaw_rate_deg_s
         self._height_m, self._attitude_rad = 0.0, (0.0, 0.0, NORTH_RAD)
+        self._heading = HeadingControl(self._obeying.autopilot, math.radians(settings.full_yaw_rate_deg_s))
         self.power_cycle(start_s)
 
     def power_cycle(self, now_s: float) -> None:
@@ -83,6 +85,12 @@ class EmulatedAutopilot(UdpVehicle):
         """Remove the battery."""
         self.powered = self.armed = False
         self._note(self._advanced_s)
+
+    def body_of(self, model: Model) -> Model:
+        """See `Reception`."""
+        full = self._settings
+        tilt_rad, rate_rad_s = math.radians(full.full_tilt_deg), math.radians(full.full_yaw_rate_deg_s)
+        return body_of(model, self._obeying.autopilot, tilt_rad, rate_rad_s)
 
     def sense(self, plant: Plant) -> None:
         """Measure the pose of its body."""
@@ -256,7 +264,13 @@ class EmulatedAutopilot(UdpVehicle):
 
     def advance(self, now_s: float) -> None:
         """Apply the age of set points until `now_s`, and control the heading."""
-        self._flown_s += self.armed * max(now_s - self._advanced_s, 0.0)
+        elapsed_s = max(now_s - self._advanced_s, 0.0)
+        self._flown_s += self.armed * elapsed_s
+        if self.armed and self._obeys and self._height_m > FLYING_M:
+            rate_rad_s = math.radians(self._set_point.yaw_rate_deg_s)
+            self._heading.advance(self._heading_rad, rate_rad_s, elapsed_s)
+        else:
+            self._heading.rest(self._attitude_rad[2])
         self._advanced_s = max(self._advanced_s, now_s)
         if self._height_m > FLYING_M:
             self._landed_s = None
@@ -275,8 +289,6 @@ class EmulatedAutopilot(UdpVehicle):
     def _wanted(self) -> AttitudeSetPoint:
         if self.armed and self._obeys:
             point = self._set_point
-            error_deg = math.degrees(math.remainder(self._heading_rad - self._attitude_rad[2], math.tau))
-            full = self._settings.full_yaw_rate_deg_s
-            yaw_rate = min(max(point.yaw_rate_deg_s + YAW_GAIN_PER_S * error_deg, -full), full)
+            yaw_rate = math.degrees(self._heading.rate_rad_s(self._attitude_rad[2]))
             return AttitudeSetPoint(point.roll_deg, point.pitch_deg, yaw_rate, point.thrust)
         return AttitudeSetPoint(thrust=SINKING * self._hover if self.armed and self.mode == LAND else 0.0)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from msgspec import Struct
 
 from rcopterx.simulator.plant import Plant
+from rcopterx.vehicles.model import Model
 
 FRAME_LOG_LENGTH = 1000
 
@@ -58,6 +59,10 @@ class Reception(ABC):
     def switch_off(self) -> None:
         """Take the power away."""
         self.powered = False
+
+    def body_of(self, model: Model) -> Model:
+        """Return the body of a vehicle that flies like a model, as the firmware of this radio moves it."""
+        return model
 
     def sense(self, plant: Plant) -> None:  # noqa: B027 - few vehicles report it
         """Measure the pose of the vehicle, whose body is `plant`."""

@@ -19,10 +19,11 @@ class SimulatedRoom:
         self, vehicles: tuple[SimulatedVehicle, ...], conditions: Conditions, seed: int, start_s: float
     ) -> None:
         self.vehicles = vehicles
-        models, starts = {one.name: one.model for one in vehicles}, {one.name: one.start for one in vehicles}
-        conditions = replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M))
-        self.laboratory = Laboratory(models, starts, conditions, seed)
         self.radios = {one.name: radio_end_of(one.port, one.radio, start_s) for one in vehicles}
+        bodies = {one.name: self.radios[one.name].reception.body_of(one.model) for one in vehicles}
+        starts = {one.name: one.start for one in vehicles}
+        conditions = replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M))
+        self.laboratory = Laboratory(bodies, starts, conditions, seed)
         self._armed: set[str] = set()  # whose flight controllers are armed, from throttle low to off
         self._now_s = start_s
 
