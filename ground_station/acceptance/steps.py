@@ -9,7 +9,7 @@ from rcopterx.control.identification import fit
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.acceptance.paper_sequence import Say, Wait, leader_of
-from rcopterx.ground_station.identification.identification import Wanted, excited_flights
+from rcopterx.ground_station.identification.identification import Wanted, excited_flights, swinging
 from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
@@ -122,6 +122,8 @@ def lead(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
 @step
 def identify(fleet: Fleet, say: Say, _wait: Wait, name: str, seconds: float) -> None:
     """Excite a vehicle without leaders, fit its model, and show its parameters; nothing is written."""
+    if restless := swinging(fleet, [name]):
+        raise IdentificationError(f"{name}: {restless[name]}")
     say(f"{name}: its sticks move for {seconds:g} s")
     recordings, failures = excited_flights(
         fleet, [name], Wanted(seconds), lambda left_s: say(f"{name}: {left_s:.0f} s left")

@@ -141,12 +141,13 @@ def _flown(
         say(f"{', '.join(flown)}: move apart")
     in_place = nullcontext(flights.Apart(reach or REACH_M, {}))
     with in_place if names else flights.room_for_all(running, flown, reach) as apart:
-        excitation = flights.Wanted(*wanted, apart.reach_m)
+        restless, excitation = flights.swinging(running, flown), flights.Wanted(*wanted, apart.reach_m)
+        flown = [name for name in flown if name not in restless]
         say(f"{', '.join(flown)}: excitation for {excitation.duration_s:g} s within {apart.reach_m:g} m")
         found, failures = flights.excited_flights(
             running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left")
         )
-    return {name: [recording] for name, recording in found.items()}, failures | apart.not_back
+    return {name: [recording] for name, recording in found.items()}, restless | failures | apart.not_back
 
 
 def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Say) -> "Identification":

@@ -1,10 +1,14 @@
 """Promises of emulated autopilots: they turn as slowly as measured, and their type hovers all the same."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import pytest
 from support.firmware_flight import FirmwareFlight
+
+from rcopterx.control.identification.fit import identify
+from rcopterx.fleet.editing import fitted_parameters
 
 FORMER = (
     "{ input_gain = [5.66, 5.66, 19.62, 34.9], damping = [-0.35, -0.35, -0.2, -10.0],"
@@ -47,3 +51,38 @@ def test_yaw_numbers_of_a_quick_vehicle_swing_as_both_firmwares_did(mode: str) -
     flight.run(20.0)
     flight.close()
     assert flight.heading_rms_rad > math.radians(8.0), "15 to 18 degrees were measured"
+
+
+def inline(parameters: Mapping[str, Any]) -> str:
+    """A table of a fleet file on one line; None is left out."""
+    rows = []
+    for name, value in parameters.items():
+        text = (
+            inline(value)
+            if isinstance(value, Mapping)
+            else list(value)
+            if isinstance(value, tuple)
+            else value
+        )
+        rows += [] if value is None else [f"{name} = {text}"]
+    return "{ " + ", ".join(rows) + " }"
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("mode", MODES)
+def test_an_identification_keeps_full_sticks_and_finds_a_model_that_flies(mode: str) -> None:
+    settings = f'{{ mode = "{mode}" }}'
+    flight = FirmwareFlight("mavlink_quadrotor", settings)
+    flight.hover()
+    found, true = identify(flight.excited(60.0), flight.pilot.model), flight.body
+    flight.close()
+    assert found.problems == ()
+    assert found.model.input_gain[:3] == pytest.approx(true.input_gain[:3], rel=0.1)
+    rates = [model.input_gain[3] / -model.damping[3] for model in (found.model, true)]
+    assert rates[0] == pytest.approx(rates[1], rel=0.1)
+    flown = FirmwareFlight("mavlink_quadrotor", settings, inline(fitted_parameters(found.model)))
+    flown.hover()
+    flown.run(20.0)
+    flown.close()
+    assert flown.hover_rms_m < 0.015
+    assert flown.heading_rms_rad < math.radians(3.0)

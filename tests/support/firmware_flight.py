@@ -9,6 +9,8 @@ import select
 import numpy as np
 
 from rcopterx.agents.estimation import StampedMeasurement
+from rcopterx.control.identification.excitation import DONE, excitation_for
+from rcopterx.control.identification.recording import FlightLog, FlightRecording
 from rcopterx.control.interfaces import Measurement
 from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.radios import calibration_of, protocol_of
@@ -16,6 +18,7 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.vehicle_models import battery_of, limits_of, model_of
 from rcopterx.radios.set_points import SetPointRadio
 from rcopterx.simulator.conditions import PRESETS
+from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.room import SimulatedRoom
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle
@@ -23,6 +26,7 @@ from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandIn
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.udp_port import UdpPort
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.phases import Phase
 from support.udp import udp_paths
 
@@ -147,6 +151,31 @@ class FirmwareFlight:
             yaw, planned = self.stick_yaw, []
         command = CommandInput(self.lease, 1, self.sequence, self.frame, (pitch, roll, thrust, yaw), planned)
         self.transmitter.on_command(command, self.now_s)
+
+    def excited(self, seconds: float) -> FlightRecording:
+        """Move all sticks as an identification does; return the recording."""
+        pilot, model = self.pilot, self.pilot.model
+        log, first = FlightLog(model.kind, FRAME_S), self.frame + 1
+        pilot.exciter.begin(excitation_for(model, seconds), self._place_m, 0.4, pilot.clock.time_s)
+        while pilot.exciter.under_way:
+            self.run(FRAME_S)
+            pose = self.room.laboratory.measured_pose(NAME)
+            row = self.frame - first
+            log.add_pose(row, Measurement.of_pose(pose.position_m, pose.quaternion_xyzw))
+            log.add_input(row, np.array(self.transmitter.output.u))
+        assert pilot.exciter.outcome == DONE, pilot.exciter.outcome
+        return log.recording()
+
+    @property
+    def body(self) -> Model:
+        """True parameters of the body, drawn around those of the firmware."""
+        assert isinstance(self.plant, FirstOrderPlant)
+        return self.plant.model
+
+    @property
+    def _place_m(self) -> np.ndarray:
+        place_m, _ = self.pilot.guidance.set_point()
+        return place_m
 
     @property
     def hover_rms_m(self) -> float:

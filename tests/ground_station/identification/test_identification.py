@@ -5,6 +5,7 @@ import threading
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support.scripted import ScriptedVehicle
 
 from rcopterx.bus import channels
@@ -12,7 +13,14 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.requests import Excite
 from rcopterx.bus.session import Incoming, RawMessage
-from rcopterx.ground_station.identification.identification import Wanted, excited_flights, recording_of
+from rcopterx.ground_station.identification.identification import (
+    SWING_M,
+    SWING_RAD,
+    Wanted,
+    excited_flights,
+    recording_of,
+    swing_of,
+)
 from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -80,6 +88,25 @@ def test_flights_that_tell_nothing_are_refused() -> None:
         recording_of(flight(poses, [*inputs, applied(120, state="hold")]), "h1", "coaxial", 0.02)
     with pytest.raises(IdentificationError, match="the motion capture restarted"):
         recording_of(flight([*poses, pose(1, epoch=2)], inputs), "h1", "coaxial", 0.02)
+
+
+def swing(size_m: float, size_rad: float, mean_rad: float = 0.0) -> Recording:
+    """A swing at 0.8 Hz of some size, root mean square, over 3 s."""
+    poses = []
+    for frame in range(300):
+        sine = math.sqrt(2.0) * math.sin(math.tau * 0.8 * 0.01 * frame)
+        half_rad = 0.5 * (mean_rad + size_rad * sine)
+        turned = (0.0, 0.0, math.sin(half_rad), math.cos(half_rad))
+        poses.append(replace(pose(frame), position_m=(0.0, size_m * sine, 1.0), quaternion_xyzw=turned))
+    return flight(poses, [])
+
+
+def test_a_vehicle_in_a_limit_cycle_is_not_excited() -> None:
+    assert swing_of(flight([], []), "h1") is None
+    assert swing_of(swing(0.025, math.radians(2.3), math.pi), "h1") is None
+    for swung in (swing(1.1 * SWING_M, 0.0), swing(0.0, 1.1 * SWING_RAD, math.pi)):
+        assert "it does not rest" in (swing_of(swung, "h1") or "")
+    assert "15 degrees rms" in (swing_of(swing(0.04, math.radians(15.0)), "h1") or "")
 
 
 def test_ctrl_c_stops_every_vehicle_although_one_is_silent(
