@@ -24,11 +24,6 @@ def provenance() -> dict[str, str]:
     }
 
 
-def arithmetic(values: dict[str, str]) -> tuple[str, ...]:
-    """Return what decides whether two computers compute the same to the last bit."""
-    return tuple(values.get(name, "") for name in ("processor", "python", "numpy", "scipy", "osqp"))
-
-
 def commit() -> str:
     """Return the commit of the source tree, with `+` where files differ from it; empty outside of one."""
     if not (_ROOT / ".git").exists():

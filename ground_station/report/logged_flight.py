@@ -14,9 +14,9 @@ from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import LogContents, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.ground_station.events import EVENT_CHANNELS, EventFeed, LoggedEvent
-from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recording
+from rcopterx.ground_station.republishing import fleet_of
 
 NEEDED: Final[tuple[Channel[Any], ...]] = (
     channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS,

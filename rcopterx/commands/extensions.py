@@ -1,7 +1,7 @@
 """Commands that installed packages add, by the entry-point group `rcopterx.commands`.
 
-An entry point names a `typer.Typer` of one command or of a group. That named `fly` is a module instead, with
-what `fly --faults` and `fly chaos` do.
+An entry point names a `typer.Typer` of one command or of a group. Those named `fly` and `flights` are modules
+instead, with what `fly --faults`, `fly chaos`, `flights --check`, `flights --digest` and `replay --agent` do.
 """
 
 from importlib.metadata import EntryPoint, entry_points

@@ -10,6 +10,7 @@ import typer
 from typer import Argument, Option
 
 from rcopterx.bus.realtime import ONE_THREAD
+from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure
 from rcopterx.commands.interruption import counted_interrupts
 from rcopterx.commands.output import JsonOption, print_document, print_table
@@ -17,7 +18,6 @@ from rcopterx.commands.parsing import settings_of
 
 if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
-    from rcopterx.ground_station.replay.agent_replay import Comparison
 
 MEGA: Final = 1e6
 INSTALL: Final = "pip install 'rcopterx[figures]'"
@@ -45,15 +45,13 @@ def flights(
     if check is not None and digest is not None:
         raise typer.BadParameter("give one of them", param_hint="--check, --digest")
     if check is not None:
-        _check(_flight(check))
+        study, chosen = added("flights", "flights --check"), _flight(check)
+        study.check(chosen, _warned(chosen))
         return
     if digest is not None:
-        from rcopterx.flights.digest import digest_of
-
-        counted = _flight(digest)
-        _warned(counted)
-        result = digest_of(counted.parts)
-        typer.echo(f"{result.digest} of {result.messages} messages")
+        study, chosen = added("flights", "flights --digest"), _flight(digest)
+        _warned(chosen)
+        study.print_digest(chosen)
         return
     from rcopterx.flights.flights import default_directory, flights_in
     from rcopterx.flights.listing import summary_of
@@ -66,19 +64,17 @@ def flights(
         typer.echo(f"no flights in {where}", err=True)
     else:
         typer.echo(where)
-        print_table(
-            ("flight", "vehicles", "size [MB]", "files", "state"),
+        rows = (
             (
-                (
-                    flight.name,
-                    " ".join(flight.vehicles),
-                    f"{flight.size_bytes / MEGA:.1f}",
-                    str(flight.files),
-                    flight.problem or flight.state,
-                )
-                for flight in found
-            ),
+                one.name,
+                " ".join(one.vehicles),
+                f"{one.size_bytes / MEGA:.1f}",
+                str(one.files),
+                one.problem or one.state,
+            )
+            for one in found
         )
+        print_table(("flight", "vehicles", "size [MB]", "files", "state"), rows)
 
 
 def _flight(name: str) -> "Flight":
@@ -95,20 +91,6 @@ def _warned(flight: "Flight") -> list[str]:
     for line in lines:
         typer.echo(f"warning: {flight.name} is incomplete: {line}", err=True)
     return lines
-
-
-def _check(flight: "Flight") -> None:
-    from rcopterx.ground_station.report.logged_flight import records_of
-    from rcopterx.ground_station.report.promises import NEEDED, broken_promises
-    from rcopterx.ground_station.report.recorder import Recording
-
-    missing = _warned(flight)
-    broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
-    lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
-    where = " in what was recorded" if missing else ""
-    typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken{where}")
-    if broken or missing:
-        raise typer.Exit(EXIT_FAILED)
 
 
 def recover(file: Annotated[Path, Argument(metavar="FILE", help="A file of a flight log.")]) -> None:
@@ -155,60 +137,23 @@ def replay(
         raise typer.BadParameter("needs --agent", param_hint="--with")
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
+    study: Any = None if agent is None else added("flights", "replay --agent")
     found = _flight(flight)
     _warned(found)
     if agent is None:
         _republish(found, speed)
-        return
-    _compare(found, agent, settings_of(changes or (), "--with"), as_json)
+    else:
+        study.compare(found, agent, settings_of(changes or (), "--with"), as_json)
 
 
 def _republish(flight: "Flight", speed: float) -> None:
     from rcopterx.bus.session import Session
-    from rcopterx.ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
+    from rcopterx.ground_station.republishing import ROUTER_S, fleet_of, republish, router_up
 
     interrupts = counted_interrupts()
     with router_up(fleet_of(flight.parts)) as address, Session(address, timeout_s=ROUTER_S) as session:
         typer.echo(f"replaying {flight.name}; rcopterx top and ground show it; Ctrl-C ends it", err=True)
         typer.echo(f"{republish(flight.parts, session, speed, interrupts.wait)} messages")
-
-
-def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:
-    from rcopterx.flights.provenance import arithmetic, provenance
-    from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, replay
-    from rcopterx.ground_station.replay.recorded_agent import recorded_agent
-
-    recorded = recorded_agent(flight.parts, vehicle)
-    same = arithmetic(recorded.metadata) == arithmetic(provenance())
-    fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
-    result = replay(recorded, fleet, 0.0 if same else TOLERANCE)
-    print_document(asdict(result), as_json, lambda _: "\n".join(_lines(result, _rule(same, changes))))
-    if not changes and (result.first is not None or not result.periods):
-        raise typer.Exit(EXIT_FAILED)
-
-
-def _rule(same: bool, changes: dict[str, Any]) -> str:
-    if changes:
-        return "flown with " + ", ".join(f"{name}={value}" for name, value in changes.items())
-    return "must be the same to the last bit" if same else "another computer: small differences are allowed"
-
-
-def _lines(result: "Comparison", rule: str) -> list[str]:
-    rms = ", ".join(f"{value:.3g}" for value in result.rms_input)
-    lines = [
-        f"{result.vehicle}: {result.periods} control periods in {result.flown_s:.1f} s, "
-        f"{result.identical} the same to the last bit ({rule})",
-        f"  sticks (pitch, roll, thrust, yaw): rms {rms}; largest {result.largest_input:.3g}",
-        f"  plans: largest {result.largest_plan:.3g} m or m/s",
-    ]
-    lines += [f"  note: {note}" for note in result.notes]
-    if result.first is not None:
-        first = result.first
-        lines.append(
-            f"  first difference after {first.time_s:.3f} s, frame {first.frame}: "
-            f"{first.cause}: {first.detail}"
-        )
-    return lines
 
 
 def report(

@@ -24,11 +24,11 @@ from rcopterx.bus.session import RawMessage, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
-from rcopterx.ground_station.report.promises import NEEDED
 from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
+from rcopterx_studies.faults.flight_promises import NEEDED
 
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010

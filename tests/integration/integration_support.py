@@ -22,10 +22,10 @@ from rcopterx.bus.processes import SCRIPT
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import at_speed, load_fleet
-from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError
+from rcopterx_studies.faults.flight_promises import NEEDED, broken_promises
 
 NAMES = ("h1", "h2", "h3")
 GENTLE_M_S = 1.7

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from integration_support import fleet_text, free_port
 
-from rcopterx.flights.digest import FlightDigest, digest_of
 from rcopterx.flights.flights import flights_in
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
+from rcopterx_studies.replay.digest import FlightDigest, digest_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
 

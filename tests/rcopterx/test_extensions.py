@@ -28,6 +28,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["fly", "--faults"], "fly --faults"),
         (["fly", "--faults", "--list"], "fly --faults"),
         (["fly", "chaos", "--up"], "fly chaos"),
+        (["replay", "--agent", "h1"], "replay --agent"),
+        (["flights", "--check", "latest"], "flights --check"),
+        (["flights", "--digest", "latest"], "flights --digest"),
     ],
 )
 @pytest.mark.usefixtures("installed")

@@ -9,9 +9,9 @@ import numpy as np
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LaboratoryVehicle
-from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
+from rcopterx_studies.faults.flight_promises import NEEDED, broken_promises
 from rcopterx_studies.faults.promise import SeenFlight
 
 WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, channels.AGENT_STATUS, *NEEDED)

@@ -14,8 +14,8 @@ from rcopterx.bus.messages import Applied, Pose, TransmitterStatus
 from rcopterx.bus.session import RawMessage
 from rcopterx.command_line import app
 from rcopterx.ground_station.report.logged_flight import records_of
-from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recording
+from rcopterx_studies.faults.flight_promises import NEEDED, broken_promises
 
 REFERENCE = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 FRAME_S = 0.02
@@ -155,7 +155,7 @@ def test_command_shows_broken_promises_and_fails(tmp_path: Path, monkeypatch: py
     assert (result.exit_code, result.output) == (0, "reference_flight: no promise is broken\n")
     bad = Recording(Log().fly().be("cut", 1.0).records)
     monkeypatch.setattr(
-        "rcopterx.ground_station.report.promises.broken_promises", lambda _: broken_promises(bad)
+        "rcopterx_studies.faults.flight_promises.broken_promises", lambda _: broken_promises(bad)
     )
     result = CliRunner().invoke(app, ["flights", "--check", str(REFERENCE)])
     assert (result.exit_code, result.output) == (1, "100.62 s h1: cut after armed, 0.98 m above the floor\n")

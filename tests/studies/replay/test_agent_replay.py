@@ -17,11 +17,11 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage
-from rcopterx.ground_station.replay import recorded_agent as recorded_agent_module
-from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, control_periods
-from rcopterx.ground_station.replay.agent_replay import replay as replayed
-from rcopterx.ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
-from rcopterx.ground_station.replay.replay_bus import ReplayBus
+from rcopterx_studies.replay import recorded_agent as recorded_agent_module
+from rcopterx_studies.replay.agent_replay import TOLERANCE, changed, control_periods
+from rcopterx_studies.replay.agent_replay import replay as replayed
+from rcopterx_studies.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
+from rcopterx_studies.replay.replay_bus import ReplayBus
 
 FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 """Two vehicles that take off, move, change an offset, a horizon and a controller."""

@@ -10,7 +10,7 @@ from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
 from rcopterx.bus.session import Incoming, RequestFailedError
 from rcopterx.bus.stepping import REQUEST, StepBus
 from rcopterx.bus.subscription import Inbox, Waking
-from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
+from rcopterx_studies.replay.recorded_agent import AgentLife, AgentStep
 
 M = TypeVar("M", bound=Message)
 

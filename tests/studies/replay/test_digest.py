@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.records import replace
 
-from rcopterx.flights.digest import digest_of
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
+from rcopterx_studies.replay.digest import digest_of
 
 FLOWN = [
     LoggedMessage(f"{vehicle}/{topic}", f"{vehicle} {topic} {number}".encode(), 1_000_000 * number, number)

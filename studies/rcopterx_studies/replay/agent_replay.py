@@ -16,9 +16,9 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan
 from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
-from rcopterx.ground_station.replay.replay_bus import ReplayBus
 from rcopterx.vehicles.state import MOTION_SIZE, Array
+from rcopterx_studies.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
+from rcopterx_studies.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6  # of inputs, positions [m] and speeds [m/s] on a different computer
 ESTIMATED: Final = (
@@ -27,6 +27,11 @@ ESTIMATED: Final = (
     "x disturbance [m/s^2]", "y disturbance [m/s^2]", "z disturbance [m/s^2]", "yaw disturbance [rad/s^2]",
 )  # fmt: skip
 STICKS: Final = ("pitch", "roll", "thrust", "yaw")
+
+
+def arithmetic(provenance: Mapping[str, str]) -> tuple[str, ...]:
+    """Return what decides whether two computers compute the same to the last bit."""
+    return tuple(provenance.get(name, "") for name in ("processor", "python", "numpy", "scipy", "osqp"))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import LogContents, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
-from rcopterx.ground_station.replay.republishing import fleet_of
+from rcopterx.ground_station.republishing import fleet_of
 
 Frame = tuple[int, int]  # epoch and frame of the motion capture
 

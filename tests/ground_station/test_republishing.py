@@ -7,10 +7,10 @@ from support.waiting import FakeClock, wait_for
 
 from rcopterx.bus.session import RawMessage, Session
 from rcopterx.flights.mcap_reading import messages_of
-from rcopterx.ground_station.replay.republishing import fleet_of, republish
+from rcopterx.ground_station.republishing import fleet_of, republish
 
 Join = Callable[..., Session]
-FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
+FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 
 
 def test_every_message_is_sent_again_as_it_was(join: Join) -> None:
