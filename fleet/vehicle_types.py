@@ -15,15 +15,7 @@ from msgspec import Meta, Struct, field
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
-from rcopterx.fleet.schema import (
-    FleetError,
-    FleetFile,
-    ProtocolName,
-    Table,
-    Text,
-    VoltageConfig,
-    errors_at,
-)
+from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text, VoltageConfig, errors_at
 from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.user_text import decoded

@@ -35,7 +35,18 @@ class LastingFault(FaultRequest, frozen=True, kw_only=True):
     @property
     def slot(self) -> tuple[object, ...]:
         """Key of a fault: a second one with the same key replaces the first."""
-        return (type(self), getattr(self, "subject", None))
+        return (type(self), None)
+
+
+class SubjectFault(LastingFault, frozen=True):
+    """Base of the faults of one subject."""
+
+    subject: Subject
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """Key of a fault: a second one with the same key replaces the first."""
+        return (type(self), self.subject)
 
 
 class Close(FaultRequest, frozen=True, tag="close"):
@@ -110,51 +121,41 @@ class Millimetres(LastingFault, frozen=True, tag="millimetres"):
     """Send positions in millimetres, where the protocol has metres."""
 
 
-class Occlude(LastingFault, frozen=True, tag="occlude"):
+class Occlude(SubjectFault, frozen=True, tag="occlude"):
     """List a subject without a pose."""
 
-    subject: Subject
 
-
-class RemoveSubject(LastingFault, frozen=True, tag="remove_subject"):
+class RemoveSubject(SubjectFault, frozen=True, tag="remove_subject"):
     """Take a subject off the list."""
 
-    subject: Subject
 
-
-class AddSubject(LastingFault, frozen=True, tag="add_subject"):
+class AddSubject(SubjectFault, frozen=True, tag="add_subject"):
     """List one more subject, standing still."""
 
-    subject: Subject
     position_m: Place = (0.0, 0.0, 0.0)
 
 
-class FreezePose(LastingFault, frozen=True, tag="freeze_pose"):
+class FreezePose(SubjectFault, frozen=True, tag="freeze_pose"):
     """Show a subject where it was when the fault began, while the frames go on."""
 
-    subject: Subject
 
-
-class StandIn(LastingFault, frozen=True, tag="stand_in"):
+class StandIn(SubjectFault, frozen=True, tag="stand_in"):
     """Show another body as a subject, one that stands where the subject was when the fault began."""
 
-    subject: Subject
     deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.0003
     """Measurement noise of its position on each axis, as a standard deviation."""
 
 
-class DisplacePose(LastingFault, frozen=True, tag="displace_pose"):
+class DisplacePose(SubjectFault, frozen=True, tag="displace_pose"):
     """Show a subject beside where it is: at once, and ever further with a velocity."""
 
-    subject: Subject
     offset_m: Place = (0.0, 0.0, 0.0)
     velocity_m_s: Three = (0.0, 0.0, 0.0)
 
 
-class TurnPose(LastingFault, frozen=True, tag="turn_pose"):
+class TurnPose(SubjectFault, frozen=True, tag="turn_pose"):
     """Show a subject turned about its vertical axis: its object was created with the nose elsewhere."""
 
-    subject: Subject
     yaw_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = math.pi
 
 
@@ -171,24 +172,21 @@ class SkipFrames(LastingFault, frozen=True, tag="skip_frames"):
     one_of: Annotated[int, Meta(ge=2, le=100)] = 2
 
 
-class SetQuality(LastingFault, frozen=True, tag="set_quality"):
+class SetQuality(SubjectFault, frozen=True, tag="set_quality"):
     """Report this quality for a subject."""
 
-    subject: Subject
     quality: Annotated[float, Meta(ge=0, le=1)]
 
 
-class RenameRootSegment(LastingFault, frozen=True, tag="rename_root_segment"):
+class RenameRootSegment(SubjectFault, frozen=True, tag="rename_root_segment"):
     """Give a subject's root segment another name."""
 
-    subject: Subject
     segment: Annotated[str, Meta(max_length=400)]
 
 
-class SwapSubjects(LastingFault, frozen=True, tag="swap_subjects"):
+class SwapSubjects(SubjectFault, frozen=True, tag="swap_subjects"):
     """Take two subjects for one another."""
 
-    subject: Subject
     other: Subject
 
 

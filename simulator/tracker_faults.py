@@ -183,16 +183,9 @@ class TrackerFaults:
             if fault.subject in self._subjects:
                 raise FaultError(f"add_subject: {fault.subject!r} is tracked already")
             return
-        for name in _subjects_of(fault):
-            if name not in tracked:
+        for name in (getattr(fault, field, None) for field in ("subject", "other")):
+            if name is not None and name not in tracked:
                 raise FaultError(f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}")
-
-
-def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
-    if isinstance(fault, faults.SwapSubjects):
-        return fault.subject, fault.other
-    subject = getattr(fault, "subject", None)
-    return () if subject is None else (subject,)
 
 
 def _replaced(

@@ -88,24 +88,18 @@ ROWS: Final = (
         (*ALWAYS, in_time),
     ),
     Manoeuvre(
-        "hover",
-        "Hover in formation for ten seconds",
-        10.0,
+        "hover", "Hover in formation for ten seconds", 10.0,
         pause(10.0),
         (*ALWAYS, in_time),
     ),
     Manoeuvre(
-        "take-off-and-land",
-        "From the floor to one metre and back, rotors off",
-        13.0,
+        "take-off-and-land", "From the floor to one metre and back, rotors off", 13.0,
         in_order(steps.take_off(), pause(2.0), steps.land(), pause(0.5)),
         (*CONTROLLED, reached_height(1.0), touched_down_gently, distance_kept),
         from_floor=True,
     ),
     Manoeuvre(
-        "position-steps",
-        "Steps of the leader along each axis",
-        14.0,
+        "position-steps", "Steps of the leader along each axis", 14.0,
         in_order(
             go_to((0.5, 0.0, 1.0)), go_to((0.5, 0.4, 1.0)), go_to((0.5, 0.4, 1.4)),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
@@ -113,9 +107,7 @@ ROWS: Final = (
         (*ALWAYS, formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), transmitters_undisturbed),
     ),
     Manoeuvre(
-        "yaw-steps",
-        "Steps of the leader's heading to 90, -90 and 180 degrees",
-        12.0,
+        "yaw-steps", "Steps of the leader's heading to 90, -90 and 180 degrees", 12.0,
         in_order(
             go_to((0.0, 0.0, 1.0), 90), go_to((0.0, 0.0, 1.0), -90), go_to((0.0, 0.0, 1.0), 180),
             steps.formed(), pause(1.0),
@@ -123,9 +115,7 @@ ROWS: Final = (
         (*ALWAYS, formation_held(), heading_ends_at("h1", 180), transmitters_undisturbed),
     ),
     Manoeuvre(
-        "formation-changes",
-        "Triangle, column, line abreast, triangle",
-        20.0,
+        "formation-changes", "Triangle, column, line abreast, triangle", 20.0,
         in_order(
             go_to((0.5, 0.0, 1.0)),
             _place((-0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
@@ -137,8 +127,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "smooth-transition",
-        "A follower's offset moves to another place within four seconds while the leader flies",
-        12.0,
+        "A follower's offset moves to another place within four seconds while the leader flies", 12.0,
         in_order(
             steps.follow("h2", "h1", (-0.8, 0.3, 0.3), transition_s=4.0),
             go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
@@ -147,8 +136,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "heading-frame",
-        "Offsets that turn with the leader's heading: half a turn in steps of 45 degrees",
-        20.0,
+        "Offsets that turn with the leader's heading: half a turn in steps of 45 degrees", 20.0,
         in_order(
             _place(LEFT, RIGHT, "heading"),
             *(go_to((0.0, 0.0, 1.0), yaw_deg) for yaw_deg in (45, 90, 135, 180)),
@@ -158,8 +146,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "leader-change",
-        "A follower becomes the leader of the formation in flight; everybody keeps its place",
-        12.0,
+        "A follower becomes the leader of the formation in flight; everybody keeps its place", 12.0,
         in_order(
             pause(1.0), steps.promote("h2"), steps.formed(),
             go_to((-0.2, 0.6, 1.2), name="h2"), steps.formed(), pause(1.0),
@@ -170,9 +157,7 @@ ROWS: Final = (
         ),
     ),
     Manoeuvre(
-        "leader-change-and-back",
-        "Leader and follower change roles twice while flying",
-        10.0,
+        "leader-change-and-back", "Leader and follower change roles twice while flying", 10.0,
         in_order(
             steps.promote("h2"), steps.formed(), pause(1.0), steps.promote("h1"), steps.formed(), pause(1.0),
             go_to((0.3, 0.0, 1.0)), steps.formed(),
@@ -180,9 +165,7 @@ ROWS: Final = (
         (*ALWAYS, formation_held(), followed("h1"), followed("h2", "h1"), transmitters_undisturbed),
     ),
     Manoeuvre(
-        "chain",
-        "Five vehicles, each follows the one before; the leader makes steps",
-        16.0,
+        "chain", "Five vehicles, each follows the one before; the leader makes steps", 16.0,
         in_order(
             go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.3)), go_to((0.0, 0.0, 1.0)),
             steps.formed(), pause(1.0),
@@ -192,8 +175,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "mixed-types",
-        "Two helicopters and a quadrotor in one formation; the helicopter leads, then the quadrotor",
-        20.0,
+        "Two helicopters and a quadrotor in one formation; the helicopter leads, then the quadrotor", 20.0,
         in_order(
             go_to((0.4, 0.0, 1.2)), go_to((0.4, 0.2, 1.0), 90), steps.formed(),
             steps.promote("q1"), steps.formed(),
@@ -203,9 +185,7 @@ ROWS: Final = (
         fleet="mixed",
     ),
     Manoeuvre(
-        "two-leaders",
-        "A follower keeps between two leaders with weights 1 and 2",
-        12.0,
+        "two-leaders", "A follower keeps between two leaders with weights 1 and 2", 12.0,
         in_order(
             steps.follow_several(
                 "h3",
@@ -217,9 +197,7 @@ ROWS: Final = (
         (*ALWAYS, formation_held(), followed("h3", "h1", "h2"), ends_at("h3", (-0.1, -0.3, 1.0))),
     ),
     Manoeuvre(
-        "leave-and-return",
-        "A follower leaves the formation, flies by itself, and comes back",
-        14.0,
+        "leave-and-return", "A follower leaves the formation, flies by itself, and comes back", 14.0,
         in_order(
             steps.lead("h3"), go_to((-0.8, -0.8, 1.3), name="h3"), go_to((0.3, 0.0, 1.0)),
             steps.follow("h3", "h1", RIGHT), steps.formed(), pause(1.0),
@@ -228,8 +206,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "land-and-return",
-        "A follower lands while the others fly on, takes off again and is back in formation",
-        20.0,
+        "A follower lands while the others fly on, takes off again and is back in formation", 20.0,
         in_order(
             steps.land("h3"), go_to((0.2, 0.0, 1.0)), steps.take_off("h3"), steps.formed(),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
@@ -238,8 +215,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "leave-and-join",
-        "A follower lands and its agent ends; it is started again, takes off and joins the formation",
-        25.0,
+        "A follower lands and its agent ends; it is started again, takes off and joins the formation", 25.0,
         in_order(
             steps.leave("h3"), go_to((0.2, 0.0, 1.0)), steps.join("h3"),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
@@ -251,8 +227,7 @@ ROWS: Final = (
     ),
     Manoeuvre(
         "controller-switch",
-        "A follower flies with one controller after the other while the leader moves",
-        14.0,
+        "A follower flies with one controller after the other while the leader moves", 14.0,
         in_order(
             pause(1.0), go_to((0.2, 0.0, 1.0)),
             steps.tune("h2", lambda vehicle: vehicle.tune("lqr")),
@@ -268,9 +243,7 @@ ROWS: Final = (
         ),
     ),
     Manoeuvre(
-        "tuning",
-        "Weights and horizon change in flight; weights that make no sense are refused",
-        10.0,
+        "tuning", "Weights and horizon change in flight; weights that make no sense are refused", 10.0,
         in_order(
             steps.tune("h2", lambda vehicle: vehicle.tune(input_weights=(20.0, 20.0, 30.0, 200.0))),
             go_to((0.2, 0.0, 1.0)),
@@ -283,9 +256,7 @@ ROWS: Final = (
         (*IN_THE_AIR, formation_held(), transmitters_undisturbed, ends_at("h2", (*LEFT[:2], 1.0))),
     ),
     Manoeuvre(
-        "figure-eight",
-        "The leader flies a figure-eight twice, 12 s each, and the formation with it",
-        30.0,
+        "figure-eight", "The leader flies a figure-eight twice, 12 s each, and the formation with it", 30.0,
         in_order(
             steps.fly_path(figure_eight((0.0, 0.0, 1.1), (0.5, 0.25), 12.0, turns=2.0)),
             steps.formed(), pause(1.0),
@@ -296,16 +267,13 @@ ROWS: Final = (
         ),
     ),
     Manoeuvre(
-        "identify",
-        "The leader's sticks move a little for 40 s, and its model is fitted to the flight",
-        50.0,
+        "identify", "The leader's sticks move a little for 40 s, and its model is fitted to the flight", 50.0,
         in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
         (*IN_THE_AIR, transmitters_undisturbed, ends_at("h1", (0.0, 0.0, 1.0))),
     ),
     Manoeuvre(
         "place-swapping",
-        "Five vehicles on a circle are sent across it at the same moment, and back again",
-        14.0,
+        "Five vehicles on a circle are sent across it at the same moment, and back again", 14.0,
         in_order(
             *(steps.lead(name) for name in FIVE[1:]),
             steps.go_together(on_circle(72.0)), pause(1.0),
@@ -319,9 +287,7 @@ ROWS: Final = (
         fleet="quintet",
     ),
     Manoeuvre(
-        "refusals",
-        "Invalid requests are refused with the reason and have no effect",
-        5.0,
+        "refusals", "Invalid requests are refused with the reason and have no effect", 5.0,
         in_order(
             steps.refused("following itself", lambda fleet: fleet["h2"].follow("h2")),
             steps.refused("an unknown leader", lambda fleet: fleet["h2"].follow("h9")),

@@ -252,16 +252,15 @@ class Results:
 
     def print(self, as_json: bool) -> None:
         """Print the reports."""
-        if self._several:
-            print_document(self._reports, as_json, lambda rows: "\n".join(map(_line, rows)))
-        else:
+        from rcopterx.ground_station.acceptance.flight import reason_of
+
+        if not self._several:
             print_document(self._reports[0], as_json, _readable)
-
-
-def _line(report: dict[str, Any]) -> str:
-    from rcopterx.ground_station.acceptance.flight import reason_of
-
-    return f"{report['verdict']:9} {report['manoeuvre']:24} {reason_of(report)}".rstrip()
+            return
+        lines = (
+            f"{one['verdict']:9} {one['manoeuvre']:24} {reason_of(one)}".rstrip() for one in self._reports
+        )
+        print_document(self._reports, as_json, lambda _: "\n".join(lines))
 
 
 def _readable(report: dict[str, Any]) -> str:

@@ -70,7 +70,10 @@ def identify(
     names, say = vehicles or [], partial(typer.echo, err=as_json)
     if bool(names) == together:
         raise typer.BadParameter("name vehicles, or give --all")
-    _check_single(names, from_files or [], save, plot)
+    if len(names) != 1 and (from_files or save or plot):
+        raise typer.BadParameter("--from, --save and --plot are for one vehicle")
+    if save is not None and len(from_files or ()) > 1:
+        raise typer.BadParameter("--save is for one flight")
     path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
     file, _ = wanted_fleet(fleet)
     check_known(names, file.vehicles, "vehicle", "VEHICLE")
@@ -92,13 +95,6 @@ def identify(
     failed = [(name, problem) for name, found in fits.items() for problem in found.problems]
     if problems := [f"{name}: {problem}" for name, problem in (*failures.items(), *failed)]:
         raise failure(*problems)
-
-
-def _check_single(names: list[str], from_files: list[Path], save: Path | None, plot: Path | None) -> None:
-    if len(names) != 1 and (from_files or save or plot):
-        raise typer.BadParameter("--from, --save and --plot are for one vehicle")
-    if save is not None and len(from_files) > 1:
-        raise typer.BadParameter("--save is for one flight")
 
 
 def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
