@@ -70,8 +70,7 @@ class _Archive:
 
     def read(self, name: str) -> bytes:
         """Return the content of a file; raises `ShowError`."""
-        member = self._members.get(posixpath.normpath(name))
-        if member is None:
+        if (member := self._members.get(posixpath.normpath(name))) is None:
             raise ShowError(f"{name} is missing in the archive")
         if member.file_size > MAX_MEMBER_BYTES:
             raise ShowError(f"{name} is larger than {MAX_MEMBER_BYTES} bytes")

@@ -56,8 +56,7 @@ def _rewrite(
     for key in keys:
         table = table.setdefault(key, tomlkit.inline_table() if inline else tomlkit.table())
     new = not table
-    lines = _set_numbers(table, before, after, "", complete=inline)
-    if not lines:
+    if not (lines := _set_numbers(table, before, after, "", complete=inline)):
         return []
     if new and not inline:
         table.add(tomlkit.nl())

@@ -37,8 +37,7 @@ class Flight:
 
 def default_directory() -> Path:
     """Return the directory of flight logs: `RCOPTERX_FLIGHTS`, else one in the user's data directory."""
-    chosen = os.environ.get("RCOPTERX_FLIGHTS")
-    if chosen:
+    if chosen := os.environ.get("RCOPTERX_FLIGHTS"):
         return Path(chosen)
     home = os.path.expanduser("~")  # "~" itself where neither HOME nor the system names one
     place = Path(home) / ".local" / "share" if os.path.isabs(home) else Path(tempfile.gettempdir())

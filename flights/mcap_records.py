@@ -77,8 +77,7 @@ class RecordWalk:
         while at < self._size:
             record = self._record_at(at, checksum) if begins else None
             if record is None:
-                record = self._resumed(at)
-                if record is None:
+                if (record := self._resumed(at)) is None:
                     if not begins:
                         raise FlightLogError("not an MCAP file")
                     return
@@ -113,8 +112,7 @@ class RecordWalk:
         if length > MAX_RECORD_BYTES or end > self._size:
             return None
         body = self._file.read(length)
-        content = _intact(opcode, body)
-        if content is None:
+        if (content := _intact(opcode, body)) is None:
             return None
         checksum = zlib.crc32(body, zlib.crc32(head, checksum))
         return McapRecord(

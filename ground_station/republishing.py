@@ -27,8 +27,7 @@ ROUTER_S: Final = 15.0  # how long the router may take to start
 def fleet_of(parts: Sequence[Path]) -> FleetFile:
     """Fleet file of a flight; raises FlightLogError if this version does not understand it."""
     snapshots = (contents_of(path).attachments.get(FLEET_ATTACHMENT) for path in parts)
-    snapshot = next((each for each in snapshots if each is not None), None)
-    if snapshot is None:
+    if (snapshot := next((each for each in snapshots if each is not None), None)) is None:
         raise FlightLogError(f"{parts[0]}: has no fleet file, which every flight log begins with")
     try:
         return snapshot_of(snapshot)

@@ -92,8 +92,7 @@ class Router:
 
     def repeat(self, target: str, payload: bytes) -> None:
         """Publish the kill again and again until the stop event; retry while the router does not answer."""
-        session = self._opened()
-        if session is None:
+        if (session := self._opened()) is None:
             return
         session.put(target, payload, priority=zenoh.Priority.REAL_TIME)
         pattern = f"{ROOT}/*/*/{TRANSMITTER_TOPIC}"
@@ -202,8 +201,7 @@ def parsed(arguments: Sequence[str]) -> tuple[list[str], str | None] | None:
     rest = iter(arguments)
     for word in rest:
         if word in ("-f", "--fleet"):
-            fleet = next(rest, None)
-            if fleet is None:
+            if (fleet := next(rest, None)) is None:
                 return None
         elif word.startswith("-"):
             return None

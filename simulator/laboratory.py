@@ -110,8 +110,7 @@ class Laboratory:
     ) -> None:
         if seed < 0:
             raise ValueError(f"laboratory: seed {seed} is negative")
-        odd = sorted(models.keys() ^ start.keys())
-        if odd:
+        if odd := sorted(models.keys() ^ start.keys()):
             raise ValueError(f"laboratory: {', '.join(odd)}: each vehicle needs a model and a start pose")
         self._conditions = conditions
         self.plants = {

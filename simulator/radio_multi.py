@@ -190,8 +190,7 @@ class MultiModule(RadioModule):
 
     def _radio(self) -> tuple[str, MultiRadio] | None:
         """Name and properties of the protocol of the last frame, if the build has it."""
-        frame = self._frame
-        if frame is None:
+        if (frame := self._frame) is None:
             return None
         found = ((name, radio) for name, radio in RADIOS.items() if radio.number == frame.protocol)
         name, radio = next(found, ("", None))
@@ -234,8 +233,7 @@ class MultiModule(RadioModule):
         wanted = frame.option & 0x0F
         counts = frame.ordered_counts[: wanted if 3 <= wanted <= 12 else 6]
         pulses = [air_pulse_us(count, ten_bit=frame.sub_protocol == 0) for count in counts]
-        killed = killed_throttle(frame.kill_count)
-        if killed is not None:
+        if (killed := killed_throttle(frame.kill_count)) is not None:
             pulses[0] = ten_bit_pulse_us(killed)
         return tuple(pulses)
 

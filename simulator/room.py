@@ -60,8 +60,7 @@ class SimulatedRoom:
         return TrackerFrame(frame, tuple(self._body(vehicle) for vehicle in self.vehicles))
 
     def _body(self, vehicle: SimulatedVehicle) -> TrackedBody:
-        pose = self.laboratory.seen_pose(vehicle.name)
-        if pose is None:
+        if (pose := self.laboratory.seen_pose(vehicle.name)) is None:
             return TrackedBody(vehicle.subject, (0.0, 0.0, 0.0), occluded=True)
         return TrackedBody(vehicle.subject, pose.position_m, pose.quaternion_xyzw)
 

@@ -118,8 +118,7 @@ class TrackerFaults:
 
     def skips(self) -> bool:
         """Whether the next frame is not sent; to be called once for each frame."""
-        fault = self.active(faults.SkipFrames)
-        if fault is None:
+        if (fault := self.active(faults.SkipFrames)) is None:
             self._skipped = 0
             return False
         self._skipped = (self._skipped + 1) % fault.one_of

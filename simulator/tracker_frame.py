@@ -74,8 +74,7 @@ class FrameContent:
 
     def objects(self, kind: int, allowed: frozenset[int] | None = None) -> list[bytes]:
         """Return the encoded objects of a type, restricted to these subject ids where a filter names them."""
-        encoded = self._encoded.get(kind)
-        if encoded is None:
+        if (encoded := self._encoded.get(kind)) is None:
             encoded = self._encoded[kind] = self._encode(kind)
         subjects, data = encoded
         if allowed is None or subjects is None:
@@ -83,8 +82,7 @@ class FrameContent:
         return [item for subject, item in zip(subjects, data, strict=True) if subject in allowed]
 
     def _encode(self, kind: int) -> _Encoded:
-        payload = self._payload_of_stream(kind)
-        if payload is not None:
+        if (payload := self._payload_of_stream(kind)) is not None:
             return None, [encode_object(kind, payload)]
         bodies = [entry for entry in self._bodies if kind not in _POSES or not entry[1].occluded]
         payloads = [self._payload_of_subject(kind, subject, body) for subject, body in bodies]

@@ -20,8 +20,7 @@ def make_certificates(
     `FleetError`: the fleet file names no directory, or its authority cannot be used. Raises `OSError`: files
     cannot be read or written.
     """
-    directory = directory_of(fleet)
-    if directory is None:
+    if (directory := directory_of(fleet)) is None:
         raise FleetError(
             "security.certificates: the fleet file names no directory for certificates; for instance "
             f'certificates = "~/.config/rcopterx/{fleet.name}" under [security]'

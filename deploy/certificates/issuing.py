@@ -129,8 +129,7 @@ def due(directory: Path, name: str, addresses: Collection[str], now: datetime) -
     path = certificate_path(directory, name)
     if not path.exists() or not key_path(directory, name).exists():
         return "new"
-    why = problem(directory, name, now)
-    if why is not None:
+    if (why := problem(directory, name, now)) is not None:
         return why
     present = read_certificate(path)
     if present.not_valid_after_utc - now < timedelta(days=RENEW_DAYS):

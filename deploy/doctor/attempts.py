@@ -72,8 +72,7 @@ def _results(name: str, verb: str, permitted: Mapping[str, bool | None]) -> Iter
         for key, passed in permitted.items()
         if passed
     )
-    unknown = sum(passed is None for passed in permitted.values())
-    if unknown:
+    if unknown := sum(passed is None for passed in permitted.values()):
         yield Result(False, f"{name}: whether it may {verb} {unknown} keys that are not its own {NOT_KNOWN}")
     if not any(permitted.values()) and not unknown:
         yield Result(True, f"{name}: it may not {verb} {len(permitted)} keys that are not its own")

@@ -101,8 +101,7 @@ def real_time(priority: int, limit: int, capabilities: int, granted: bool) -> Re
 
 def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
     """Check the certificates on this computer, and whether the fleet needs any."""
-    directory = directory_of(fleet)
-    if directory is None:
+    if (directory := directory_of(fleet)) is None:
         if fleet.security.insecure:
             yield Result(
                 False, "security.insecure: any program that reaches a host can steer; rcopterx certs helps"

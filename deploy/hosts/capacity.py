@@ -131,8 +131,7 @@ class CapacityMeasurement:
     def _share_per_vehicle(self, elapsed_s: float) -> float:
         """Return the share of one processor for each vehicle whose agent has run all the time."""
         stayed = {process: role for process, role in self._roles().items() if process in self._before}
-        agents = sum(role == AGENT for role in stayed.values())
-        if not agents:
+        if not (agents := sum(role == AGENT for role in stayed.values())):
             raise OSError("no agent runs")
         ran_s = sum(_ran_s(self._before[process], threads_of(process)) for process in stayed)
         needed_s = len(os.sched_getaffinity(0)) * elapsed_s if self._late else 0.0

@@ -82,8 +82,7 @@ class CheckpointService(Service):
     def on_floor(self) -> dict[str, OnFloor]:
         """Return the guarded vehicles that a live gateway reports to be on the floor."""
         for host, launcher in tuple(self._launchers.items()):
-            status = launcher.latest()
-            if status is not None:
+            if (status := launcher.latest()) is not None:
                 self._runners.update(host, status.message.running, status.arrived_s)
         now_s, known = self._session.clock(), {}
         for vehicle, inbox in self._transmitters.items():
@@ -91,7 +90,6 @@ class CheckpointService(Service):
             runner = self._runners.of(vehicle)
             if report is None or runner is None or report.message.state in FLYING:
                 continue
-            age_s = report.message.command_age_s
-            if age_s is not None:
+            if (age_s := report.message.command_age_s) is not None:
                 known[vehicle] = OnFloor(report.arrived_s - age_s, runner)
         return known

@@ -113,8 +113,7 @@ class HostService(Service):
 
             return read_page(self._logs, request)
         if isinstance(request, StartVehicle | StopVehicle | TakeVehicle):
-            child = self._agents.get(request.vehicle)
-            if child is None:
+            if (child := self._agents.get(request.vehicle)) is None:
                 reason = f"the fleet file does not let the agent of {request.vehicle} run on {self._host}"
                 return Reply(accepted=False, reason=reason)
             return self._answer_for_vehicle(request, child)
@@ -134,8 +133,7 @@ class HostService(Service):
 
     def _stop_host(self) -> Reply:
         statuses = {vehicle: self._last_status(vehicle) for vehicle in tuple(self._statuses.inboxes)}
-        flying = [name for name, status in statuses.items() if status and status.phase in AIRBORNE]
-        if flying:
+        if flying := [name for name, status in statuses.items() if status and status.phase in AIRBORNE]:
             return Reply(accepted=False, reason=f"{', '.join(sorted(flying))} in the air; land first")
         self.started = False
         for child in self._supervisor.children.values():

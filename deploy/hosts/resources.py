@@ -87,12 +87,10 @@ def check_free(address: str, port: int, where: str) -> None:
 
 def check_certificate(fleet: FleetFile, host: str) -> None:
     """Check the certificate of this host, in a fleet with certificates; `FleetError` says what is wrong."""
-    directory = directory_of(fleet)
-    if directory is None:
+    if (directory := directory_of(fleet)) is None:
         return
     # The library imports slowly, and fleets on one computer do without.
     from rcopterx.deploy.certificates.issuing import problem
 
-    wrong = problem(directory, host_name(host), datetime.now(UTC))
-    if wrong is not None:
+    if (wrong := problem(directory, host_name(host), datetime.now(UTC))) is not None:
         raise FleetError(f"security.certificates: {wrong}; rcopterx certs makes certificates")

@@ -64,8 +64,7 @@ def main() -> None:
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     _answer(connection, {"pid": os.getpid()})
-    run = serve(connection, int(priority))
-    if run is not None:
+    if (run := serve(connection, int(priority))) is not None:
         run()
 
 

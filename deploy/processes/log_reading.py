@@ -76,8 +76,7 @@ class ProcessLogs:
         self.positions[path.name] = start + min(sum(len(line) + 1 for line in whole), len(data))
         for line in whole:
             text = line.decode(errors="replace").rstrip("\r")
-            stamp = _STAMP.match(text)
-            if stamp is not None:
+            if (stamp := _STAMP.match(text)) is not None:
                 self._times[path] = stamp[0].strip()
             yield LoggedLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
 

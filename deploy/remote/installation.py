@@ -79,8 +79,7 @@ def steps(fleet: FleetFile, fleet_path: Path, host: str, login: Login, wheel: Pa
     yield _file(f"{DIRECTORY}/{fleet.name}.toml", fleet_path.read_bytes(), 0o644)
     for name in type_files:
         yield _file(f"{DIRECTORY}/{name}", (fleet_path.parent / name).read_bytes(), 0o644)
-    directory = directory_of(fleet)
-    if directory is not None:
+    if (directory := directory_of(fleet)) is not None:
         there = str(fleet.security.certificates).removeprefix("~/")
         for name in (f"{AUTHORITY}.pem", f"{host_name(host)}.pem", f"{host_name(host)}.key"):
             mode = 0o600 if name.endswith(".key") else 0o644

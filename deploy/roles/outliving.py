@@ -21,8 +21,7 @@ ENDED_S: Final = 1.0  # gateways have ended when none has run for this long, as 
 
 def outlive_launcher(fleet: FleetFile, host: str) -> None:
     """If the launcher dies, end only after the host's gateways; replaces `end_with_parent`; main thread."""
-    parent = os.environ.get("RCOPTERX_PARENT")
-    if parent is None:
+    if (parent := os.environ.get("RCOPTERX_PARENT")) is None:
         return
     try:
         launcher = os.pidfd_open(int(parent))

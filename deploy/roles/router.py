@@ -48,8 +48,7 @@ def run(fleet: FleetFile, host: str) -> None:
 
 def protection_of(fleet: FleetFile, host: str) -> Protection | None:
     """Return certificates and access rules of the router of a host; None without certificates."""
-    directory = directory_of(fleet)
-    if directory is None:
+    if (directory := directory_of(fleet)) is None:
         return None
     # Imported here: fleets on one computer do without.
     from rcopterx.bus.access import access_control

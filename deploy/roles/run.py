@@ -23,8 +23,7 @@ EXIT_UNREACHABLE = 3
 
 def end_with_parent() -> None:
     """Receive SIGTERM when the launcher dies; gateways then bring their vehicles down."""
-    parent = os.environ.get("RCOPTERX_PARENT")
-    if parent is not None:
+    if (parent := os.environ.get("RCOPTERX_PARENT")) is not None:
         end_with(int(parent))
 
 

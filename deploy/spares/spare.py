@@ -19,8 +19,7 @@ def run_next_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> 
     fleet = load_fleet(snapshot)
     pilots = {unit: ready_pilot(fleet, unit, host) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs if role != "agent"}
-    line = _read_order()
-    if not line:
+    if not (line := _read_order()):
         return
     order = json.loads(line)
     log = os.open(order["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)

@@ -36,8 +36,7 @@ def mean_of_hover(
     """Mean of applied inputs, shape (n, 4); `HoverError` if they are few, not all armed, or drift."""
     if len(inputs) < FEWEST_PER_S * seconds:
         raise HoverError(f"only {len(inputs)} frames in {seconds:g} s")
-    others = sorted(set(states) - {"armed"})
-    if others:
+    if others := sorted(set(states) - {"armed"}):
         raise HoverError(f"the arbiter was {', '.join(others)} meanwhile")
     values = np.array(inputs)
     half = len(values) // 2

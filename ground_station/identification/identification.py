@@ -198,8 +198,7 @@ def recording_of(recording: Recording, name: str, kind: str, period_s: float) ->
     applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]
     if not poses or not applied:
         raise IdentificationError("no poses, or no commands, were on the bus")
-    others = sorted({one.state for one in applied} - {"armed"})
-    if others:
+    if others := sorted({one.state for one in applied} - {"armed"}):
         raise IdentificationError(f"the arbiter was {', '.join(others)} meanwhile")
     if len({pose.epoch for pose in poses}) > 1:
         raise IdentificationError("the motion capture restarted meanwhile")

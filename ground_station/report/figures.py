@@ -143,8 +143,7 @@ class FlightFigures:
                 if not applied.fresh or applied.frame in seen or sent_s > applied.written_s:
                     continue
                 seen.add(applied.frame)
-                arrived_s = _arrival_of(applied, arrivals)
-                if arrived_s is not None:
+                if (arrived_s := _arrival_of(applied, arrivals)) is not None:
                     values.append(1000 * (arrived_s - sent_s))
         return [value for value in values if value < LONGEST_LATENCY_MS]
 

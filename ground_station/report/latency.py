@@ -95,8 +95,7 @@ class LatencyWatch:
             return figures
 
     def _renewed(self, vehicle: str) -> dict[str, Percentiles]:
-        inbox = self._applied.inboxes.get(vehicle)
-        if inbox is None:
+        if (inbox := self._applied.inboxes.get(vehicle)) is None:
             return {}
         window = self._windows.setdefault(vehicle, deque(maxlen=WINDOW))
         times_ms = (stage_times_ms(received.message, self._offset) for received in inbox.drain())

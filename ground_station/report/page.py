@@ -62,8 +62,7 @@ def _completeness(flight: LoggedFlight) -> Html:
 def _latencies(flight: LoggedFlight) -> Html:
     parts = []
     for name in flight.fleet.vehicles:
-        found = stage_figures([times_ms for _, times_ms in flight.figures.stages[name]])
-        if found:
+        if found := stage_figures([times_ms for _, times_ms in flight.figures.stages[name]]):
             parts += [
                 f"<h3>{escape(name)}</h3>",
                 percentile_table({_label(stage): row for stage, row in found.items()}),

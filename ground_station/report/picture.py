@@ -168,8 +168,7 @@ def _draw_four(axes: Any, times_s: Array, values: Array, style: str) -> None:
 def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: float) -> str:
     """Stacked time that the commands of a vehicle spent in each stage; the axis begins at `started_s`."""
     rows = figures.stages[vehicle]
-    stages = [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]
-    if not stages:
+    if not (stages := [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]):
         return ""
     return svg_of(f"{name} latency {vehicle}", (11.0, 2.6), _draw_stages, vehicle, stages, rows, started_s)
 

@@ -16,8 +16,7 @@ class WrongFleetError(ConnectionError):
 
 def fleet_that_is_up() -> tuple[FleetFile, str]:
     """The one fleet that is up and the host that this computer is; FleetError for none or several."""
-    running = running_fleets()
-    if not running:
+    if not (running := running_fleets()):
         raise FleetError(
             "no fleet is up on this computer; start one (rcopterx up FLEET), "
             "or name the file of one that is up on another computer (-f FLEET)"

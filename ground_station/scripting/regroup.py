@@ -130,8 +130,7 @@ def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str
 
 
 def _plan(fleet: Observer, name: str) -> Plan:
-    plan = fleet.plan_of(name)
-    if plan is None:
+    if (plan := fleet.plan_of(name)) is None:
         raise RefusedError(f"{name}: no plan arrives")
     return plan
 

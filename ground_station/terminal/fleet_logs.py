@@ -56,8 +56,7 @@ class FleetLogs:
     def _lines_of(self, host: str) -> list[LoggedLine]:
         found: list[LoggedLine] = []
         for _ in range(MOST_PAGES):
-            page = self._page(host, self._positions.get(host, {}), 0.0)
-            if page is None:
+            if (page := self._page(host, self._positions.get(host, {}), 0.0)) is None:
                 break
             self._positions[host] = page.positions
             for line in page.lines:

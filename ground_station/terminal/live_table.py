@@ -50,8 +50,7 @@ def fleet_view(fleet: Fleet, columns: Sequence[Quantity]) -> Group:
 
 def tracker_line(fleet: Fleet) -> str:
     """Name of the fleet and state of its motion capture."""
-    received = fleet.tracker.latest()
-    if received is None:
+    if (received := fleet.tracker.latest()) is None:
         return f"{fleet.file.title}: Vicon gateway not responding yet"
     status = received.message
     if status.state != "up":

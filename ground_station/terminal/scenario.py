@@ -61,8 +61,7 @@ def _line(table: object) -> TimedFault:
     if not isinstance(table, dict):
         raise FleetError("must be a table [[fault]]")
     values: dict[str, Any] = dict(table)
-    missing = [name for name in ("at_s", "kind") if name not in values]
-    if missing:
+    if missing := [name for name in ("at_s", "kind") if name not in values]:
         raise FleetError(f"{missing[0]} is missing")
     at_s, kind = values.pop("at_s"), values.pop("kind")
     return converted({"at_s": at_s, "fault": fault_from(str(kind), values)}, TimedFault, "", strict=False)

@@ -45,8 +45,7 @@ def _fields(message: Message) -> dict[str, Any]:
 
 
 def _tracker(fleet: Fleet) -> dict[str, Any] | None:
-    received = fleet.tracker.latest()
-    if received is None:
+    if (received := fleet.tracker.latest()) is None:
         return None
     status = received.message
     return _fields(status) | {

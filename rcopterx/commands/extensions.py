@@ -24,8 +24,7 @@ def added_commands() -> dict[str, EntryPoint]:
 
 def added(name: str, words: str) -> Any:
     """Import what an entry point names; without it end with the package that has the command `words`."""
-    point = added_commands().get(name)
-    if point is None:
+    if (point := added_commands().get(name)) is None:
         where = "part of rcopterx-studies: pip install rcopterx-studies"
         raise failure(f"rcopterx {words}: {where}", code=EXIT_USAGE)
     try:

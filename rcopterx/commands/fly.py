@@ -179,8 +179,7 @@ def _fly_row(
     from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
     from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
-    reason = reason_not_to_fly(row, fleet)
-    if reason is not None:
+    if (reason := reason_not_to_fly(row, fleet)) is not None:
         progress.say(f"not flown: {reason}")
         results.add(not_flown(row, "not flown", reason))
         return

@@ -135,8 +135,7 @@ def _results(file: "FleetFile", host: str) -> Iterator["Result"]:
 
     now = datetime.now(UTC)
     yield from examine(file, host, now)
-    directory = directory_of(file)
-    if directory is None:
+    if (directory := directory_of(file)) is None:
         return
     if (file.name, host) not in {(running.fleet, running.host) for running in running_fleets()}:
         yield Result(True, f"host {host} of fleet {file.name} is not up: access to it was not checked")

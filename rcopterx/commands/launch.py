@@ -68,8 +68,7 @@ def warn_of_others(name: str) -> None:
     """Print the fleets that are up on this computer beside the one with a name."""
     from rcopterx.deploy.hosts.running import running_fleets
 
-    others = sorted({running.fleet for running in running_fleets()} - {name})
-    if others:
+    if others := sorted({running.fleet for running in running_fleets()} - {name}):
         typer.echo(
             f"warning: {', '.join(others)} is up on this computer, too; real-time processes of several "
             "fleets delay each other, and vehicles may come down",
@@ -183,8 +182,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, re
     here = any(running.fleet == file.name for running in running_fleets())
     if len(file.hosts) == 1 and not here:
         return False
-    fleet = joined_fleet(file)
-    if fleet is None:
+    if (fleet := joined_fleet(file)) is None:
         if len(file.hosts) > 1:
             raise FleetError(
                 "no host of the fleet answers: keep each ready with rcopterx host, "
@@ -203,8 +201,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, re
         warnings = daemons.find()
         if fleet.file.clock != file.clock:
             raise FleetError(f"--speed: {fleet.file.title} is up; its speed is that of its start")
-        answers = daemons.start(without)
-        if not answers:
+        if not (answers := daemons.start(without)):
             return False
         for line in warnings:
             typer.echo(f"warning: {line}", err=True)

@@ -101,8 +101,7 @@ def _subjects_of(address: str) -> list[str]:
 
     host, port = host_and_port(_address(address))
     with DataStreamClient(host, port) as client:
-        frame = client.next_frame(LOOK_S)
-        if frame is None:
+        if (frame := client.next_frame(LOOK_S)) is None:
             why = client.state.last_error or client.state.doing
             typer.echo(f"{address}: {why}; type the names of the subjects", err=True)
             return []

@@ -56,8 +56,7 @@ class Dialogue:
     def has_line(self) -> bool:
         """Read available input; return whether it has a whole line."""
         if b"\n" not in self._waiting and select.select([self._input], [], [], 0)[0]:
-            data = os.read(self._input, 4096)
-            if not data:
+            if not (data := os.read(self._input, 4096)):
                 raise WorkbenchError("standard input has ended without an answer; nothing was changed")
             self._waiting += data
         return b"\n" in self._waiting

@@ -43,8 +43,7 @@ def disarm(
     with running_fleet(fleet, vehicles) as running:
         names = vehicles or list(running.file.vehicles)
         running.wait_for_status(names)
-        airborne = [name for name in names if running[name].state.airborne]
-        if airborne:
+        if airborne := [name for name in names if running[name].state.airborne]:
             raise RefusedError(f"{', '.join(airborne)} in the air: land first; only kill cuts the motors")
         for name in names:
             running[name].disarm()

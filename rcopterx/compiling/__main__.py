@@ -16,8 +16,7 @@ from rcopterx.compiling.cache import COMPLETE, INTERRUPTED, MODULES, VARIABLE, d
 
 def main() -> int:
     """Compile what the cache lacks, several modules at a time, and remove old versions from it."""
-    path = directory()
-    if path is None:
+    if (path := directory()) is None:
         print(f"kernels are compiled in memory: no place keeps them, see {VARIABLE}", file=sys.stderr)
         return 0
     if (path / COMPLETE).exists():
