@@ -7,7 +7,7 @@ import math
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Final, TypeVar, TypeVarTuple
 
 SOLVER_SHARE: Final = 0.4  # share of the control period after which a solver that can stop early does so
@@ -134,36 +134,6 @@ class NotedTimeLimit(TimeLimit):
             self._was_over = True
             self.overtime.append((self._calls, self._queries))
         return over
-
-
-class RepeatedTimeLimit(TimeLimit):
-    """Repeats in a replay what a `NotedTimeLimit` has noted."""
-
-    def __init__(self) -> None:
-        self._noted: frozenset[Overtime] = frozenset()
-        self._calls = self._queries = 0
-        self._over = False
-
-    def begin_step(self, overtime: Iterable[Overtime]) -> None:
-        """Repeat this overtime in the next step."""
-        self._noted = frozenset(overtime)
-        self._calls = 0
-
-    def begin(self, limit_s: float) -> None:  # noqa: ARG002 - the limit of the recording applies
-        """See `TimeLimit.begin`."""
-        self._calls += 1
-        self._queries = 0
-        self._over = False
-
-    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
-        """See `TimeLimit.end`."""
-        return (self._calls, 0) in self._noted
-
-    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
-        """See `TimeLimit.over`."""
-        self._queries += 1
-        self._over = self._over or (self._calls, self._queries) in self._noted
-        return self._over
 
 
 class GuardedCall:

@@ -7,7 +7,6 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.guards.time_limit import RepeatedTimeLimit
 from rcopterx.agents.process import TRAJECTORY_CHECKED, TUNED, Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
@@ -18,6 +17,7 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.vehicles.state import MOTION_SIZE, Array
 from rcopterx_studies.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
+from rcopterx_studies.replay.repeated_time_limit import RepeatedTimeLimit
 from rcopterx_studies.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6  # of inputs, positions [m] and speeds [m/s] on a different computer
