@@ -186,6 +186,7 @@ BEFORE = {
         "rcopterx up lab.toml": [DAEMONS_ANSWER],
     },
     "operations.md": {"rcopterx check": [UP, TAKE_OFF]},
+    "real_firmware.md": {"rcopterx up lab.toml": [f"cp {FLEETS}/families.toml lab.toml"]},
     "real_time.md": {"rcopterx doctor": [LAB], "rcopterx status": [UP]},
     "security.md": {"rcopterx certs": [LAB, HOSTS]},
     "trajectories.md": {"rcopterx trajectory h1 waypoints": [TOUR]},

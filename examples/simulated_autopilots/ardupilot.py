@@ -1,0 +1,24 @@
+"""Show the true states of ArduPilot in software (SITL) as a Tracker does.
+
+python examples/simulated_autopilots/ardupilot.py quad1=udpin:127.0.0.1:14550 quad2=udpin:127.0.0.1:14551
+"""
+
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+from truth import MavlinkTruth, TrueState, main
+
+
+def state_of(message: Any) -> TrueState:
+    """True state of a `SIM_STATE`, which SITL sends on request."""
+    rotation = (message.q1, message.q2, message.q3, message.q4)
+    return TrueState(1e-7 * message.lat_int, 1e-7 * message.lon_int, message.alt, rotation)
+
+
+def vehicle(text: str) -> MavlinkTruth:
+    """A vehicle `SUBJECT=LINK`."""
+    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_SIM_STATE, state_of)
+
+
+if __name__ == "__main__":
+    main(__doc__, vehicle, "SUBJECT=LINK")

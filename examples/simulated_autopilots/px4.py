@@ -1,0 +1,24 @@
+"""Show the true states of PX4 in software (SIH) as a Tracker does.
+
+python examples/simulated_autopilots/px4.py quad1=udpin:127.0.0.1:14550 quad2=udpin:127.0.0.1:14551
+"""
+
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+from truth import MavlinkTruth, TrueState, main
+
+
+def state_of(message: Any) -> TrueState:
+    """True state of a `HIL_STATE_QUATERNION`, which PX4 fills from its ground truth."""
+    rotation = message.attitude_quaternion
+    return TrueState(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt, rotation)
+
+
+def vehicle(text: str) -> MavlinkTruth:
+    """A vehicle `SUBJECT=LINK`."""
+    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, state_of)
+
+
+if __name__ == "__main__":
+    main(__doc__, vehicle, "SUBJECT=LINK")
