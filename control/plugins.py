@@ -52,6 +52,11 @@ def all_finite(value: object) -> bool:
     return not isinstance(value, list | tuple) or all(map(all_finite, value))
 
 
+# what `rcopterx-studies` adds, which need not be installed to fly
+OF_STUDIES: Final = (
+    *("lqr", "paper", "finite_difference"),
+    *("admm", "consensus", "distributed_lqr", "event_triggered", "on_demand"),
+)
 PERIOD_RANGE_S: Final = (0.002, 0.2)
 
 Part = TypeVar("Part", covariant=True)
@@ -104,6 +109,10 @@ class Registry(Generic[Part]):
                 if not hasattr(found, "Settings"):
                     raise SettingsError(f"{self.kind} {name!r} ({point.value}) has no attribute Settings")
                 return found
+        if name in OF_STUDIES:
+            raise SettingsError(
+                f"{self.kind} {name!r}: part of rcopterx-studies: pip install rcopterx-studies"
+            )
         raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
 
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
@@ -128,8 +137,6 @@ CONTROLLERS: Final = Registry[Controller](
     "rcopterx.controllers",
     {
         "cascade": "rcopterx.control.controllers.cascade.controller:CascadeController",
-        "lqr": "rcopterx.control.controllers.feedback:LqrController",
-        "paper": "rcopterx.control.controllers.paper.controller:PaperController",
         "pid": "rcopterx.control.controllers.feedback:PidController",
     },
 )
@@ -138,7 +145,6 @@ ESTIMATORS: Final = Registry[Estimator](
     "rcopterx.estimators",
     {
         "extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator",
-        "finite_difference": "rcopterx.control.estimators.finite_difference:FiniteDifferenceEstimator",
         "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
     },
 )
@@ -146,9 +152,8 @@ SCHEMES: Final = Registry[Scheme]("scheme", "rcopterx.schemes", {})
 
 
 def is_built_in(controller: Controller) -> bool:
-    """Return whether a controller is part of this package and no plug-in."""
-    kind = type(controller)
-    return f"{kind.__module__}:{kind.__qualname__}" in CONTROLLERS.built_in.values()
+    """Return whether a controller is part of rcopterx, or of the baselines of rcopterx-studies."""
+    return type(controller).__module__.startswith(("rcopterx.control.", "rcopterx_studies.baselines."))
 
 
 def flying(name: str) -> Registry[Controller]:

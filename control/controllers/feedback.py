@@ -1,4 +1,4 @@
-"""State feedback with integral action, by LQR or PID gains; its plan is the closed loop of law and model.
+"""State feedback with integral action, and PID gains for it; its plan is the closed loop of law and model.
 
 Errors are turned into the body frame, so one set of gains serves every heading; the plan lets other vehicles
 follow one that is flown by simple feedback.
@@ -10,19 +10,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.controllers.base import BaseController
-from rcopterx.control.controllers.paper.model import (
-    INPUT_WEIGHTS,
-    INTEGRAL_STATES,
-    STATE_WEIGHTS,
-    PaperModel,
-    TerminalCost,
-)
-from rcopterx.control.controllers.settings import (
-    ControllerSettings,
-    ElevenWeights,
-    FourWeights,
-    PositiveFloat,
-)
+from rcopterx.control.controllers.settings import ControllerSettings, FourWeights, PositiveFloat
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.models.prediction import behind_gyro, derivative
 from rcopterx.control.models.roll_out import lag_poles, predict
@@ -104,32 +92,6 @@ class FeedbackController(BaseController):
         error[:2] = to_body @ error[:2]
         error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[X_RATE : X_RATE + 2]
         return np.clip(error, -self._error_cap, self._error_cap)
-
-
-class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
-    """Settings of the regulator."""
-
-    state_weights: ElevenWeights = STATE_WEIGHTS
-    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid x_int y_int z_int; x and y along the body axes."""
-    input_weights: FourWeights = INPUT_WEIGHTS
-    """Diagonal of R: pitch, roll, thrust, yaw."""
-    error_limit_m: PositiveFloat = 0.5
-    """Position errors count up to this, which bounds the speed of long moves."""
-
-
-class LqrController(FeedbackController):
-    """Infinite-horizon regulator of equation (2), gains turned with the heading; raises `SettingsError`."""
-
-    Settings = LqrSettings
-
-    def __init__(self, model: Model, period_s: float, settings: LqrSettings) -> None:
-        paper_model = PaperModel(model, period_s)
-        cost = TerminalCost(paper_model, np.array(settings.state_weights), np.array(settings.input_weights))
-        gain = cost.gain(0.0)
-        integral_gain = np.diag(gain[:3, INTEGRAL_STATES]) * paper_model.integrator_gains
-        error_cap = np.full(MOTION_SIZE, np.inf)
-        error_cap[:3] = settings.error_limit_m
-        super().__init__(model, period_s, settings, gain[:, :MOTION_SIZE], integral_gain, error_cap)
 
 
 class PidSettings(ControllerSettings, frozen=True, kw_only=True):

@@ -23,7 +23,6 @@ Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
 FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
 EightWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=8, max_length=8)]
-ElevenWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=11, max_length=11)]
 
 INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")

@@ -10,7 +10,7 @@ import msgspec
 from msgspec import inspect as types
 
 from messages_page import field_table, purpose
-from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS, OF_STUDIES, Registry
 from rcopterx.fleet import schema
 from rcopterx.fleet.vehicle_types import TypeFile, TypeTransmitter
 from rcopterx.radios.calibration import (
@@ -50,6 +50,17 @@ TRANSMITTER: Final = f"{VEHICLE}.transmitter"
 CALIBRATION: Final = f"{TRANSMITTER}.calibration"
 MODEL: Final = f"{VEHICLE}.model"
 IDENTIFIED: Final = "Written by `rcopterx identify`. The `type`, which is `kind`, gives the other values."
+
+
+def _parts(registry: Registry[Any], table: str) -> Iterator[Section]:
+    """Yield the settings of the built-in controllers or estimators, then of those of rcopterx-studies."""
+    added = [name for name in registry.available() if name in OF_STUDIES]
+    for name in (*registry.built_in, *added):
+        origin = ", of `rcopterx-studies`" if name in added else ""
+        note = f'With `{registry.kind} = "{name}"`{origin}.'
+        yield Section(f"{CONTROL}.{table}", registry.load(name).Settings, note)
+
+
 OF_MODEL: Final = (
     "`lower`, `upper` and `floor_m` come from the vehicle's model and from the volume; `standing` is judged."
 )
@@ -86,16 +97,8 @@ SECTIONS: Final = (
     Section(f"{VEHICLE}.leader_lost", schema.LeaderLostConfig, "See [formation.md](formation.md)."),
     Section(f"{VEHICLE}.battery", schema.BatteryConfig, "See [safety.md](safety.md)."),
     Section(CONTROL, schema.ControlConfig, "See [control.md](control.md)."),
-    *(
-        Section(f"{CONTROL}.settings", CONTROLLERS.load(name).Settings, f'With `controller = "{name}"`.')
-        for name in CONTROLLERS.built_in
-    ),
-    *(
-        Section(
-            f"{CONTROL}.estimator_settings", ESTIMATORS.load(name).Settings, f'With `estimator = "{name}"`.'
-        )
-        for name in ESTIMATORS.built_in
-    ),
+    *_parts(CONTROLLERS, "settings"),
+    *_parts(ESTIMATORS, "estimator_settings"),
     Section(TRANSMITTER, schema.TransmitterConfig, "See [hardware.md](hardware.md)."),
     *(
         Section(f"{TRANSMITTER}.settings", settings_class(name), f'With `protocol = "{name}"`.')

@@ -230,15 +230,13 @@ ROWS: Final = (
         "A follower flies with one controller after the other while the leader moves", 14.0,
         in_order(
             pause(1.0), go_to((0.2, 0.0, 1.0)),
-            steps.tune("h2", lambda vehicle: vehicle.tune("lqr")),
-            go_to((0.2, 0.2, 1.0)),
             steps.tune("h2", lambda vehicle: vehicle.tune("pid")),
-            go_to((0.0, 0.2, 1.0)),
+            go_to((0.2, 0.2, 1.0)), go_to((0.0, 0.2, 1.0)),
             steps.tune("h2", lambda vehicle: vehicle.tune("cascade")),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
         (
-            *IN_THE_AIR, controllers_flown("h2", "cascade", "lqr", "pid", "cascade"),
+            *IN_THE_AIR, controllers_flown("h2", "cascade", "pid", "cascade"),
             formation_held(100.0, 250.0), transmitters_undisturbed, ends_at("h2", (*LEFT[:2], 1.0)),
         ),
     ),

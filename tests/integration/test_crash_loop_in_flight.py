@@ -14,7 +14,7 @@ MODULE = """
 import os
 from pathlib import Path
 
-from rcopterx.control.controllers.feedback import LqrController
+from rcopterx_studies.baselines.lqr import LqrController
 
 
 class Crashing(LqrController):

@@ -31,6 +31,7 @@ FIRMWARE_THRUST: Final = 65535.0
 """Full stick here: the firmware's position control asks for more than a radio may, `FULL_THRUST`."""
 FEWEST: Final = 4
 AHEAD_S: Final = (0.1, 0.25, 0.5, 1.0)
+ESTIMATOR_NAMES: Final = ("extended_kalman", "finite_difference", "kalman")
 EVERY_S: Final = 0.1
 SMOOTHED_S: Final = 0.3
 CONSTANT, TYPE, HOVERING, FITTED = "constant velocity", "type", "type, hover thrust set", "fitted"
@@ -159,7 +160,7 @@ def judge(flights: Sequence[FlightRecording]) -> Evidence:
     """Fit models to the halves, and follow every flight with all estimators and models."""
     halves = flights[::2], flights[1::2]
     fits = tuple(identify(half[0], type_model(), *half[1:]) for half in halves)
-    estimators: dict[str, list[Followed]] = {name: [] for name in sorted(ESTIMATORS.built_in)}
+    estimators: dict[str, list[Followed]] = {name: [] for name in ESTIMATOR_NAMES}
     models: dict[str, list[Followed]] = {name: [] for name in (CONSTANT, TYPE, HOVERING, FITTED)}
     for number, flight in enumerate(flights):
         fitted = fits[1 - number % 2].model

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tomllib
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -9,20 +10,22 @@ import pytest
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control import plugins
-from rcopterx.control.plugins import CONTROLLERS, SettingsError
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS, OF_STUDIES, SCHEMES, Registry, SettingsError
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "entry_points", lambda group: [])
-    assert "paper" in CONTROLLERS.available()
-    for name in ("cascade", "lqr", "paper", "pid"):
+    assert CONTROLLERS.available() == ["cascade", "pid"]
+    for name in ("cascade", "pid"):
         controller = CONTROLLERS.build(name, COAXIAL_LAG, 0.02, {"horizon": 12})
         assert (controller.horizon, controller.period_s) == (12, 0.02)
 
 
 def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
     added = EntryPoint(
-        "mine", "rcopterx.control.controllers.paper.controller:PaperController", CONTROLLERS.entry_point_group
+        "mine", "rcopterx.control.controllers.feedback:PidController", CONTROLLERS.entry_point_group
     )
     monkeypatch.setattr(plugins, "entry_points", lambda group: [added])
     assert "mine" in CONTROLLERS.available()
@@ -63,10 +66,25 @@ def test_an_unknown_controller_is_told_what_is_allowed() -> None:
         CONTROLLERS.build("mpc", COAXIAL_LAG, 0.02, {})
 
 
+@pytest.mark.parametrize("registry", [CONTROLLERS, ESTIMATORS, SCHEMES], ids=lambda registry: registry.kind)
+def test_what_studies_add_is_named_with_its_package(
+    registry: Registry[object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = tomllib.loads((ROOT / "studies" / "pyproject.toml").read_text("utf-8"))["project"]
+    added = project["entry-points"][registry.entry_point_group]
+    assert set(added) <= set(OF_STUDIES)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [])
+    for name in added:
+        with pytest.raises(
+            SettingsError, match=f"'{name}': part of rcopterx-studies: pip install rcopterx-studies"
+        ):
+            registry.load(name)
+
+
 def test_importing_the_registry_imports_no_controller() -> None:
     code = (
         "import sys, rcopterx.control.plugins as r; r.CONTROLLERS.available();"
-        "assert not {'osqp', 'rcopterx.control.controllers.paper.controller'} & set(sys.modules)"
+        "assert not {'osqp', 'rcopterx.control.controllers.feedback'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
 

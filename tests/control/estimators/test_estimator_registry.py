@@ -13,7 +13,7 @@ from rcopterx.control.plugins import ESTIMATORS
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
-    assert {"extended_kalman", "finite_difference", "kalman"} <= set(ESTIMATORS.available())
+    assert {"extended_kalman", "kalman"} <= set(ESTIMATORS.available())
     assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL_LAG, 0.02, {}), ExtendedKalmanEstimator)
 
 

@@ -12,14 +12,14 @@ from msgspec.structs import replace
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.estimators.base import PoseEstimator
-from rcopterx.control.estimators.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.plant import BodyPose
+from rcopterx_studies.baselines.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 
 NewFlight = Callable[..., Any]
-every_estimator = pytest.mark.parametrize("name", ESTIMATORS.built_in)
+every_estimator = pytest.mark.parametrize("name", [*ESTIMATORS.built_in, "finite_difference"])
 VELOCITY_BOUND_M_S = {"extended_kalman": 0.008, "kalman": 0.02, "finite_difference": 0.02}
 DRAWN_VEHICLE = 2.5
 """How much larger errors may be for a helicopter of which only the type is known."""

@@ -8,11 +8,11 @@ from problems import one_stage_on, random_problem
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
 from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model
+from rcopterx_studies.baselines.paper import PaperController, PaperSettings
 from rcopterx_studies.benchmarks.flight import record_flight
 
 PERIOD_S = 0.02

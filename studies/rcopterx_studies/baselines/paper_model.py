@@ -17,11 +17,13 @@ Where the printed paper contradicts itself, rcopterx reads:
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Annotated, Final
 
+import msgspec
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from rcopterx.control.controllers.settings import PositiveFloat
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     INPUT_SIZE,
@@ -43,6 +45,8 @@ Z_INT: Final = 10
 STATE_SIZE: Final = 11
 BOUNDED_STATES: Final = (X, Y, Z, XD_BODY, YD_BODY, ZD_BODY, YAW_RATE)
 INTEGRAL_STATES: Final = (X_INT, Y_INT, Z_INT)
+
+ElevenWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=11, max_length=11)]
 
 STATE_WEIGHTS: Final = (8.0, 8.0, 8.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 INPUT_WEIGHTS: Final = (5.0, 5.0, 5.0, 1.0)

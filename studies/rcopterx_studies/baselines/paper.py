@@ -12,16 +12,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.control.controllers.base import EARLY_STOP, BaseController
-from rcopterx.control.controllers.paper.model import (
-    BOUNDED_STATES,
-    INPUT_WEIGHTS,
-    STATE_SIZE,
-    STATE_WEIGHTS,
-    X_INT,
-    PaperModel,
-    TerminalCost,
-)
-from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
+from rcopterx.control.controllers.settings import FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.columns import ACCELERATIONS, COLUMNS, RATES, X_RATE
 from rcopterx.control.references.paths import in_frames
@@ -29,6 +20,16 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
+from rcopterx_studies.baselines.paper_model import (
+    BOUNDED_STATES,
+    INPUT_WEIGHTS,
+    STATE_SIZE,
+    STATE_WEIGHTS,
+    X_INT,
+    ElevenWeights,
+    PaperModel,
+    TerminalCost,
+)
 
 SOFT_WEIGHT: Final = 1e5  # weight of the squared excess over a state bound, SI units
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])  # further from hovering an input is a manoeuvre and no trim

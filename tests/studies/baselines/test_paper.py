@@ -7,11 +7,11 @@ from support.equation_one import motion_derivative
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
-from rcopterx.control.controllers.paper.model import PaperModel, TerminalCost
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
+from rcopterx_studies.baselines.paper import PaperController, PaperSettings
+from rcopterx_studies.baselines.paper_model import PaperModel, TerminalCost
 
 PERIOD_S = 0.02
 

@@ -1,1 +1,0 @@
-"""The scheme of the paper, as the baseline: one linearized model, one quadratic program for all axes."""
