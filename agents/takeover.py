@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.task import Task
+from rcopterx.agents.flight.guidance import Task
 from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
 from rcopterx.agents.pilot import Pilot

@@ -15,8 +15,8 @@ from rcopterx.bus.keys import TRACKER_UNIT as TRACKER_UNIT
 from rcopterx.bus.keys import key as key
 from rcopterx.bus.keys import request_key as request_key
 from rcopterx.bus.message import SCHEMA_VERSION, Message
+from rcopterx.bus.messages import SchemeMessage
 from rcopterx.bus.requests import EXTERNAL
-from rcopterx.bus.scheme_message import SchemeMessage
 
 M = TypeVar("M", bound=Message)
 

@@ -22,7 +22,7 @@ from rcopterx.control.references.columns import (
     YAW_ACCELERATION,
     YAW_RATE,
 )
-from rcopterx.control.references.quintic import rest_to_rest
+from rcopterx.control.references.paths import rest_to_rest
 from rcopterx.control.references.trajectory import Trajectory, on_turn_of, whole_turns
 from rcopterx.vehicles.state import Array, turned_about_z
 

@@ -9,8 +9,13 @@ import math
 from collections import Counter
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.bridging import bridging_step, next_change_s, played_input
-from rcopterx.transmitter_gateway.command_validator import CommandValidator, Stream
+from rcopterx.transmitter_gateway.command_validator import (
+    CommandValidator,
+    Stream,
+    bridging_step,
+    next_change_s,
+    played_input,
+)
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     FOR_OPERATORS,
@@ -26,12 +31,11 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.landing import Motion, Touchdown
 from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
 from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.standing import Standing
 from rcopterx.transmitter_gateway.take_over import take_over_problem
-from rcopterx.transmitter_gateway.touchdown import Touchdown
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 from rcopterx.vehicles.lift_off import LiftOffProof, SeenPose
 

@@ -1,10 +1,11 @@
-"""Which commands are accepted: form, limits, control lease, epoch, order."""
+"""Which commands are accepted (form, limits, control lease, epoch, order), and what acts till the next."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from enum import StrEnum
 from numbers import Real
+from typing import Final
 
 from msgspec import Struct
 
@@ -12,7 +13,64 @@ from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Input, PoseInput
-from rcopterx.transmitter_gateway.leases import Leases
+
+RESERVED_S: Final = 0.1  # for an agent that was given a lease to command before the next one gets one
+MOST_AGENTS: Final = 16  # agents whose leases are remembered
+
+
+class Leases:
+    """Control leases of one vehicle: newest `issued`, and `commanding`, whose commands count; 0 for none.
+
+    An agent requests a lease and adds its number to every command. Numbers only grow and are issued here
+    only, so no clock of any host matters. The newest lease that has commanded counts; commands of earlier
+    ones are rejected from then on, however long they were delayed.
+    """
+
+    def __init__(self) -> None:
+        self.commanding = 0
+        self.issued = 0
+        self._of_agents: dict[int, int] = {}
+        self._reserved_until_s = -math.inf
+
+    def bid(self, agent: int, now_s: float, *, fresh: bool, take_over: bool) -> int:
+        """Lease of an agent that requests one; 0 while another commands. Repeated requests get the same.
+
+        `fresh`: the vehicle is commanded now; `take_over`: from the agent that commands.
+        """
+        known = self._of_agents.get(agent, 0)
+        if known and known >= self.commanding:
+            return known
+        if not take_over and (fresh or now_s < self._reserved_until_s):
+            return 0
+        self.issued += 1
+        self._of_agents.pop(agent, None)
+        self._of_agents[agent] = self.issued
+        if len(self._of_agents) > MOST_AGENTS:
+            del self._of_agents[next(iter(self._of_agents))]
+        self._reserved_until_s = now_s + RESERVED_S
+        return self.issued
+
+    def lost(self, lease: int) -> bool:
+        """Whether a later lease commands."""
+        return lease < self.commanding
+
+    def was_issued(self, lease: int) -> bool:
+        """Whether this lease can have been issued."""
+        return 1 <= lease <= self.issued
+
+    def command(self, lease: int) -> bool:
+        """A valid command of a lease takes effect; True if it is the first one after another lease."""
+        changed = 0 < self.commanding < lease
+        self.commanding = max(self.commanding, lease)
+        return changed
+
+    def resume(self, commanding: int, issued: int, now_s: float) -> None:
+        """Continue from an earlier process of the gateway."""
+        self.commanding = max(self.commanding, commanding)
+        self.issued = max(self.issued, commanding, issued)
+        if self.issued:
+            self._reserved_until_s = now_s + RESERVED_S
+
 
 LONGEST_PLAN = 1 + MAX_NEXT_INPUTS  # planned inputs of a command, the first one included
 
@@ -192,3 +250,50 @@ class CommandValidator:
             low_since_s = before.low_since_s if before is not None and gapless else now_s
             low_since_s = now_s if low_since_s is None else low_since_s
         self.stream = Stream(command, now_s, low_since_s)
+
+
+FIRST_AFTER_PERIODS = 1.5
+ROUNDING = 1e-9
+
+
+def bridging_step(stream: Stream, now_s: float, limits: ArbiterLimits) -> int:
+    """Number of the planned input to be played at `now_s`: 0 none, 1 the first.
+
+    Planned input n belongs to the time n periods after its command. The first one waits half a period longer,
+    but not until HOLD, so that a command that is slightly late does not count as missing.
+    """
+    period_s, arrival_s = stream.command.period_s, stream.arrival_s
+    if now_s < arrival_s + _first_after_s(period_s, limits):
+        return 0
+    usable = min(len(stream.command.next_u), _steps_within(limits.bridge_s, period_s))
+    if now_s >= arrival_s + max((usable + 1) * period_s, limits.hold_after_s):
+        return 0
+    return min(max(int((now_s - arrival_s) / period_s + ROUNDING), 1), usable)
+
+
+def played_input(command: AcceptedCommand, step: int) -> Input:
+    """Input that acts in a step of `bridging_step`."""
+    return command.next_u[step - 1] if step else command.u
+
+
+def next_change_s(stream: Stream, now_s: float, limits: ArbiterLimits) -> float:
+    """When the age of the newest command next changes the output, after `now_s`; infinite if never."""
+    period_s = stream.command.period_s
+    ages_s = [number * period_s for number in range(2, _steps_within(limits.bridge_s, period_s) + 2)]
+    ages_s += [
+        _first_after_s(period_s, limits),
+        limits.hold_after_s,
+        limits.descend_after_s,
+        limits.cut_after_s,
+    ]
+    return min(
+        [stream.arrival_s + age_s for age_s in ages_s if stream.arrival_s + age_s > now_s], default=math.inf
+    )
+
+
+def _steps_within(time_s: float, period_s: float) -> int:
+    return int(time_s / period_s + ROUNDING)
+
+
+def _first_after_s(period_s: float, limits: ArbiterLimits) -> float:
+    return min(FIRST_AFTER_PERIODS * period_s, limits.hold_after_s)

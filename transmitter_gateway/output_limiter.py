@@ -4,10 +4,120 @@ import math
 from collections import Counter
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.held_frames import least_thrust_share
-from rcopterx.transmitter_gateway.hover import HoverThrust
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
-from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
+from rcopterx.transmitter_gateway.landing import RESPONSE_S, LandingLaw, Motion, climb_rate_m_s
+from rcopterx.vehicles.state import GRAVITY_M_S2
+
+HELD_S = 0.5
+"""Time for which a frame may be repeated."""
+BRAKING_M_S2 = 4.0
+"""Deceleration of the fall afterwards, its delay included."""
+TOUCHDOWN_M_S = 0.8
+"""Speed at which a vehicle may touch the floor instead."""
+
+
+def least_thrust_share(height_m: float, climb_m_s: float) -> float:
+    """Smallest thrust over that of a hover that leaves the vehicle safe if it is repeated for `HELD_S`.
+
+    On a starved computer a frame may be the last one for half a second, and receivers repeat it: a controller
+    that brakes a climb would end on the floor. Afterwards the vehicle can brake above the floor, or it has
+    reached the floor slowly.
+
+    Parameters
+    ----------
+    height_m
+        Height above the floor [m], positive.
+    climb_m_s
+        Climb rate [m/s], negative while it sinks.
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+    """
+    # After T with the acceleration -a, the vehicle falls with s = a T - v at the height h + v T - a T^2 / 2.
+    # If it needs all of this height to brake, s^2 / (2 b), then s^2 + b T s - 2 b (h + v T / 2) = 0.
+    room = 2.0 * BRAKING_M_S2 * (height_m + climb_m_s * HELD_S / 2.0)
+    linear = BRAKING_M_S2 * HELD_S
+    fall_m_s = (math.sqrt(max(linear**2 + 4.0 * room, 0.0)) - linear) / 2.0
+    recovered_m_s2 = (fall_m_s + climb_m_s) / HELD_S
+    touched_m_s2 = (TOUCHDOWN_M_S**2 - climb_m_s**2) / (2.0 * height_m)
+    return min(max(1.0 - max(recovered_m_s2, touched_m_s2) / GRAVITY_M_S2, 0.0), 1.0)
+
+
+FILTER_S = 1.0
+PRIOR_S = 0.2  # flight time that counts as much as the first value
+PRIOR_DOUBT = 0.15  # error of the first value, as a share of it, that a descent without poses allows for
+LEAST = 0.3  # smallest load over weight, and hover thrust over the calibrated one
+SETTLING_S = 0.15  # until the low-pass of the climb rate has forgotten the time when the vehicle was not seen
+LONGEST_STEP_S = 0.1  # the climb rate after a longer pause says nothing about the thrust
+
+
+class HoverThrust:
+    """Hover thrust: the calibrated one, corrected by the motion that the vehicle is seen in.
+
+    A descent without poses is open loop. With an error of eight per cent in the thrust gain, which any
+    battery may cause, a vehicle touches down at 2 m/s, or hovers until its motors are cut. In the air, it
+    accelerates upwards by as much of its weight as its thrust exceeds that of a hover. So the mean thrust of
+    any time, over one plus the mean acceleration in units of the weight, is the hover thrust: the mean of the
+    flight so far, at first of all of it, then a low-pass.
+
+    `gain_m_s2` is the vertical acceleration per thrust of a vehicle that hovers as calibrated. `climb_m_s` is
+    the climb rate, predicted while a vehicle that flew is not seen.
+    """
+
+    def __init__(self, calibrated: float, largest_correction: float, gain_m_s2: float) -> None:
+        self._calibrated = calibrated
+        self._lower = max(calibrated - largest_correction, LEAST * calibrated)
+        self._upper = min(calibrated + largest_correction, 1.0)
+        self._weight_m_s2 = gain_m_s2 * calibrated
+        self.begin(calibrated, 0.0)
+
+    def begin(self, first: float, acting: float) -> None:
+        """Begin a flight while a thrust acts; `first` counts as `PRIOR_S` of flight at that hover thrust."""
+        self._mean_thrust, self._acting = first, acting
+        self._mean_m_s2 = 0.0
+        self._known_s = 0.0
+        self._seen_s = 0.0
+        self.climb_m_s = 0.0
+
+    @property
+    def value(self) -> float:
+        """Thrust at which the vehicle hovers, within `largest_correction` of the calibrated one."""
+        load = max(1.0 + self._mean_m_s2 / self._weight_m_s2, LEAST)
+        return min(max(self._mean_thrust / load, self._lower), self._upper)
+
+    @property
+    def scale(self) -> float:
+        """Thrust that this vehicle needs for an acceleration, over that of one that hovers as calibrated."""
+        return self.value / self._calibrated
+
+    def below(self, share: float) -> float:
+        """Thrust that surely sinks: less than `value` by a share of it, and by its doubt."""
+        doubt = PRIOR_DOUBT * PRIOR_S / (PRIOR_S + self._known_s)
+        return self.value * (1.0 - share - doubt)
+
+    def note(self, thrust: float, elapsed_s: float, climb_m_s: float | None) -> None:
+        """Use the thrust applied for `elapsed_s` and the climb rate after it, None if not seen in the air.
+
+        Updates the means, over the flight and at most `FILTER_S`, of the thrust T after a low-pass with
+        `RESPONSE_S`, and of the acceleration a from climb rates: `value` is mean(T) / (1 + mean(a) / g).
+        """
+        self._acting -= math.expm1(-elapsed_s / RESPONSE_S) * (thrust - self._acting)
+        self._seen_s += elapsed_s
+        if climb_m_s is None:
+            self._seen_s = 0.0
+            if self._known_s > 0.0:
+                self.climb_m_s += self._weight_m_s2 * (self._acting / self.value - 1.0) * elapsed_s
+            return
+        before_m_s, self.climb_m_s = self.climb_m_s, climb_m_s
+        if self._seen_s <= SETTLING_S or elapsed_s > LONGEST_STEP_S:
+            return
+        self._known_s += elapsed_s
+        filter_s = min(FILTER_S, PRIOR_S + self._known_s)
+        self._mean_thrust += (self._acting - self._mean_thrust) * elapsed_s / filter_s
+        self._mean_m_s2 += (climb_m_s - before_m_s - self._mean_m_s2 * elapsed_s) / filter_s
+
 
 LONGEST_SLEW_STEP_S = 0.04
 FADE_PER_S = 0.05  # fall of the thrust after a descent, while a vehicle is seen in the air: gently

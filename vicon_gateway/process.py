@@ -22,8 +22,7 @@ from rcopterx.bus.rounding import TIME_BITS, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
-from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
-from rcopterx.vicon_gateway.frame import CapturedFrame, Position, SubjectPose
+from rcopterx.vicon_gateway.frame import CapturedFrame, EpochCounter, Position, Stamp, SubjectPose
 from rcopterx.vicon_gateway.recording import RecordingFile
 
 if TYPE_CHECKING:

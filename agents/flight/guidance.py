@@ -3,22 +3,20 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rcopterx.agents.flight.lift_off import Touchdown
-from rcopterx.agents.flight.task import Task
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.references.landing_descent import descent
-from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
+from rcopterx.control.references.paths import PEAK_TO_MEAN_SPEED, FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
     ProfileLimits,
     ReferenceSource,
     SetPointReference,
     TimedPath,
+    descent,
     smooth_move,
     smooth_way,
 )
@@ -32,6 +30,22 @@ from rcopterx.formation.law import (
 )
 from rcopterx.vehicles.phases import AIRBORNE, Effect, Event, Phase, transition
 from rcopterx.vehicles.state import YAW, Array
+
+
+@dataclass(slots=True)
+class Task:
+    """What a vehicle has to do, and how far it is; a successor of its agent continues there."""
+
+    phase: Phase = Phase.GROUND
+    source: ReferenceSource = field(default_factory=lambda: SetPointReference(np.zeros(3), 0.0))
+    """Own reference: a set point, a move or a path, and when it began."""
+    followed: tuple[FollowedLeader, ...] = ()  # leaders followed now, with transitions of their offsets
+    assigned: tuple[FollowedLeader, ...] = ()  # leaders by fleet file or request; replaced while lost
+    joined: frozenset[str] = frozenset()  # leaders whose offsets began to move from the vehicle's own place
+    floor_m: float = 0.0  # height of the floor below the vehicle when it took off
+    interrupted: Phase | None = None  # take-off or landing that the gateway has interrupted
+    climb_end_m: Array = field(default_factory=lambda: np.zeros(3))  # where its last take-off ends
+
 
 TAKE_OFF_SPEED_M_S = 0.6
 CLIMBING_S = 0.4  # time of its climb at which a vehicle that has lifted begins: it moves already

@@ -13,7 +13,6 @@ from rcopterx.bus import (
     log_messages,
     messages,
     requests,
-    scheme_message,
 )
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.message import SCHEMA_VERSION, InvalidMessageError, Message
@@ -41,7 +40,7 @@ def test_every_channel_of_the_module_is_a_row_of_the_table() -> None:
 def test_every_message_travels_on_a_channel() -> None:
     declared = {
         kind
-        for module in (messages, external_messages, host_messages, log_messages, intent, scheme_message)
+        for module in (messages, external_messages, host_messages, log_messages, intent)
         for _, kind in inspect.getmembers(module, inspect.isclass)
         if issubclass(kind, Message) and kind is not Message
     }

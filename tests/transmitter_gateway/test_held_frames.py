@@ -5,7 +5,12 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.transmitter_gateway.held_frames import BRAKING_M_S2, HELD_S, TOUCHDOWN_M_S, least_thrust_share
+from rcopterx.transmitter_gateway.output_limiter import (
+    BRAKING_M_S2,
+    HELD_S,
+    TOUCHDOWN_M_S,
+    least_thrust_share,
+)
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
 heights_m = st.floats(0.1, 10.0)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.transmitter_gateway.hover import LEAST, SETTLING_S, HoverThrust
 from rcopterx.transmitter_gateway.landing import RESPONSE_S
+from rcopterx.transmitter_gateway.output_limiter import LEAST, SETTLING_S, HoverThrust
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
 PERIOD_S = 0.02

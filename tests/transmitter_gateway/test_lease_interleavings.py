@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from lease_model import Bid, BrokenPromiseError, Sent, World, explore
 
-from rcopterx.transmitter_gateway.leases import Leases
+from rcopterx.transmitter_gateway.command_validator import Leases
 
 FAULTS = 2
 

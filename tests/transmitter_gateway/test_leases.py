@@ -4,7 +4,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from rcopterx.transmitter_gateway.leases import MOST_AGENTS, RESERVED_S, Leases
+from rcopterx.transmitter_gateway.command_validator import MOST_AGENTS, RESERVED_S, Leases
 
 
 def test_the_first_agent_that_asks_gets_a_lease_and_keeps_it() -> None:

@@ -2,13 +2,13 @@
 
 import pytest
 
-from rcopterx.transmitter_gateway.landing import Motion
-from rcopterx.transmitter_gateway.touchdown import (
+from rcopterx.transmitter_gateway.landing import (
     AT_FLOOR_M,
     AT_FLOOR_S,
     STILL_M,
     STILL_M_S,
     STILL_S,
+    Motion,
     Touchdown,
 )
 

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
-from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.frame import CapturedFrame, EpochCounter, Stamp, SubjectPose
 
 PERIOD_S = 0.02
 

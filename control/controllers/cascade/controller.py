@@ -13,10 +13,9 @@ import msgspec
 import numpy as np
 
 from rcopterx.control.controllers.base import EARLY_STOP, BaseController
-from rcopterx.control.controllers.cascade.axis import AxisProblem
+from rcopterx.control.controllers.cascade.axis import AxisProblem, CascadeTask, recovery
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralProblem, LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.task import CascadeTask, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
-from rcopterx.control.controllers.cascade.axis import LagProblem, beyond, state_following
-from rcopterx.control.controllers.cascade.task import TASK, CascadeTask
+from rcopterx.control.controllers.cascade.axis import TASK, CascadeTask, LagProblem, beyond, state_following
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics

@@ -10,8 +10,8 @@ from scipy import sparse
 
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.fallback import rated
+from rcopterx.control.solver.osqp import SparseQP
 from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
-from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6  # looser ones leave inputs a hundredth of their range from the solution

@@ -28,8 +28,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import LeaderLink
-from rcopterx.bus.scheme_message import SchemeMessage
+from rcopterx.bus.messages import LeaderLink, SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
 from rcopterx.control.interfaces import Measurement

@@ -12,8 +12,8 @@ from support.waiting import FakeClock
 
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.following.following import LostLeaders
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
-from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import Succession
 from rcopterx.bus import channels

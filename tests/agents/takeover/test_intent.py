@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.flight import still
 
-from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import Task
+from rcopterx.agents.flight.guidance import Guidance, Task
 from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.takeover import intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration

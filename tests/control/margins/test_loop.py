@@ -8,10 +8,9 @@ import pytest
 from support.records import replace as changed
 from support.vehicle_types import COAXIAL
 
-from rcopterx.control.controllers.cascade.axis import AxisProblem
+from rcopterx.control.controllers.cascade.axis import AxisProblem, CascadeTask, recovery
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.task import CascadeTask, recovery
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
     default_weights,

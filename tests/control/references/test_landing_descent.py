@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rcopterx.control.references.landing_descent import (
+from rcopterx.control.references.set_points import (
     DEPTH_M,
     DESCENT_ACCELERATION_M_S2,
     DESCENT_SPEED_M_S,
