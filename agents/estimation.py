@@ -5,7 +5,7 @@ An estimator may be a plug-in. Once it fails, the default one continues from the
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, TypeVar, TypeVarTuple
+from typing import Final, TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -27,7 +27,6 @@ FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0  # for first calls, which load code and fill caches
 
 T = TypeVar("T")
-Arguments = TypeVarTuple("Arguments")
 
 
 class EstimatorGuard:
@@ -42,7 +41,7 @@ class EstimatorGuard:
         self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._started = False
         self._select(estimator)
-        self._call(_read)
+        self._call(_nothing)
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -65,7 +64,7 @@ class EstimatorGuard:
         if started:
             self.take_over(self.estimate)
         else:
-            self._call(_read)
+            self._call(_nothing)
 
     def _select(self, estimator: Estimator) -> None:
         self._estimator, self._name = estimator, type(estimator).__name__
@@ -84,7 +83,7 @@ class EstimatorGuard:
     def reset(self, measurement: Measurement, velocity_m_s: Array | None = None) -> None:
         """Start at a pose, with an inertial velocity, shape (3,), or at rest as `Estimator.reset`."""
         if velocity_m_s is None:
-            self._call(_reset, measurement)
+            self._call(lambda estimator: estimator.reset(measurement))
             self._started = True
             return
         pose = np.array((*measurement.position_m, measurement.yaw_rad))
@@ -93,25 +92,29 @@ class EstimatorGuard:
 
     def take_over(self, estimate: Estimate) -> None:
         """See `Estimator.take_over`."""
-        self._call(_take_over, estimate)
+        self._call(lambda estimator: estimator.take_over(estimate))
         self._started = True
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """See `Estimator.predict`."""
-        self._call(_predict, applied_input, period_s)
+        self._call(lambda estimator: estimator.predict(applied_input, period_s))
 
     def correct(self, measurement: Measurement, after: Sequence[tuple[Array, float]] = ()) -> bool:
         """Predict under the inputs `after` and for how long each acted [s], then correct by a pose."""
-        return bool(self._call(_correct, measurement, after))
 
-    def _call(
-        self, call: Callable[[Estimator, *Arguments], tuple[T, Estimate]], *arguments: *Arguments
-    ) -> T | None:
+        def corrected(estimator: Estimator) -> bool:
+            for applied_input, period_s in after:
+                estimator.predict(applied_input, period_s)
+            return estimator.correct(measurement)
+
+        return bool(self._call(corrected))
+
+    def _call(self, call: Callable[[Estimator], T]) -> T | None:
         """Return the result for the estimator, or for the default one if that fails; None if both fail."""
-        found = self.calls.attempt(self._name, STEP_LIMIT_S, _flaw, call, self._estimator, *arguments)
+        found = self._attempt(call)
         if found is None:
             if self.use_default():
-                return self._call(call, *arguments)
+                return self._call(call)
             self._restart()
             return None
         result, self.estimate = found
@@ -120,38 +123,21 @@ class EstimatorGuard:
     def _restart(self) -> None:
         """Restart the estimator from the last good estimate, as its own state cannot be trusted any more."""
         if self._started:
-            found = self.calls.attempt(
-                self._name, STEP_LIMIT_S, _flaw, _take_over, self._estimator, self.estimate
-            )
+            found = self._attempt(lambda estimator: estimator.take_over(self.estimate))
             if found is not None:
                 _, self.estimate = found
 
-
-def _read(estimator: Estimator) -> tuple[None, Estimate]:
-    return None, estimator.estimate
-
-
-def _reset(estimator: Estimator, measurement: Measurement) -> tuple[None, Estimate]:
-    estimator.reset(measurement)
-    return None, estimator.estimate
+    def _attempt(self, call: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
+        """Return the result of a call and the estimate after it; None if the call or the estimate fails."""
+        return self.calls.attempt(self._name, STEP_LIMIT_S, _flaw, _estimating, call, self._estimator)
 
 
-def _take_over(estimator: Estimator, estimate: Estimate) -> tuple[None, Estimate]:
-    estimator.take_over(estimate)
-    return None, estimator.estimate
+def _nothing(_: Estimator) -> None:
+    """Leave an estimator as it is."""
 
 
-def _predict(estimator: Estimator, applied_input: Array, period_s: float) -> tuple[None, Estimate]:
-    estimator.predict(applied_input, period_s)
-    return None, estimator.estimate
-
-
-def _correct(
-    estimator: Estimator, measurement: Measurement, after: Sequence[tuple[Array, float]]
-) -> tuple[bool, Estimate]:
-    for applied_input, period_s in after:
-        estimator.predict(applied_input, period_s)
-    return estimator.correct(measurement), estimator.estimate
+def _estimating(call: Callable[[Estimator], T], estimator: Estimator) -> tuple[T, Estimate]:
+    return call(estimator), estimator.estimate
 
 
 def _flaw(result: tuple[object, Estimate]) -> str | None:

@@ -54,7 +54,7 @@ def all_finite(value: object) -> bool:
 
 # what `rcopterx-studies` adds, which need not be installed to fly
 OF_STUDIES: Final = (
-    *("lqr", "paper", "finite_difference"),
+    *("lqr", "paper", "finite_difference", "kalman"),
     *("admm", "consensus", "distributed_lqr", "event_triggered", "on_demand"),
 )
 PERIOD_RANGE_S: Final = (0.002, 0.2)
@@ -145,7 +145,6 @@ ESTIMATORS: Final = Registry[Estimator](
     "rcopterx.estimators",
     {
         "extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator",
-        "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
     },
 )
 SCHEMES: Final = Registry[Scheme]("scheme", "rcopterx.schemes", {})

@@ -30,7 +30,7 @@ from rcopterx.control.models.roll_out import predict
 from rcopterx.control.plugins import is_built_in
 from rcopterx.control.references.columns import COLUMNS, POSE, POSITION
 from rcopterx.control.references.trajectory import Trajectory, hold
-from rcopterx.control.solver.fallback import shift
+from rcopterx.control.solver.active_set import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
 

@@ -1,7 +1,14 @@
-"""Control of a vehicle by an external program: given by request, lost by silence, landing or release."""
+"""Control of a vehicle by an external program: given by request, lost by silence, landing or release.
+
+At every period the program gets a task: the state in which the vehicle will be when the answer acts, and the
+reference from then on. So the way to the program and back costs one period of prediction and no waiting.
+While there is no answer, the vehicle's own controller flies (docs/control.md).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.external_messages import ControlTask, ExternalInput
@@ -9,9 +16,93 @@ from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
-from rcopterx.control.controllers.external import ExternalController
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, never
+from rcopterx.control.models.prediction import predict
+from rcopterx.control.models.roll_out import predict as roll_out
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array, four
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalTask:
+    """What an external controller is to solve."""
+
+    number: int  # counts control periods; the answer names it
+    estimate: Estimate  # state at the instant the answer begins to act
+    reference: Trajectory  # N stages from that instant on
+    last_input: Array  # input that acts until then, shape (4,)
+
+
+class ExternalController:
+    """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`.
+
+    `clock` is that of the fleet [s]: at a lower control rate several periods pass between two steps.
+    """
+
+    def __init__(self, own: Controller, model: Model, patience_s: float, clock: Callable[[], float]) -> None:
+        self.own, self.horizon, self.period_s = own, own.horizon, own.period_s
+        self.task: ExternalTask | None = None
+        self.late = 0  # steps flown by an older answer than the newest task's
+        self._model, self._clock = model, clock
+        self._patience = max(1, round(patience_s / own.period_s))
+        self._number = self._answered = 0  # of the newest task, and of the one answered last
+        self._task_s = clock()  # time of the newest task
+        self._inputs: Array | None = None
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come for longer than the patience."""
+        return self._number - self._answered > self._patience
+
+    def answer(self, number: int, inputs: Array) -> str | None:
+        """Accept an answer to task `number`, planned inputs (k, 4); return what is wrong with it."""
+        if number > self._number:
+            return f"task {number} has not been given out yet, the newest is {self._number}"
+        if number <= self._answered:
+            return f"task {number} has been answered or is older than one that has"
+        low, high = self._model.u_min, self._model.u_max
+        if not ((inputs >= low - 1e-9) & (inputs <= high + 1e-9)).all():
+            return f"inputs must be within {low.tolist()} and {high.tolist()}"
+        self._answered, self._inputs = number, np.clip(inputs, low, high)
+        return None
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        """Start from a flying vehicle."""
+        self.own.reset(estimate, last_input)
+
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
+        """Fly by the newest answer, its later inputs if the task has moved on, and give out the next task."""
+        now_s = self._clock()
+        present = self._number + max(1, round((now_s - self._task_s) / self.period_s))
+        if self._inputs is None:
+            step = self.own.step(estimate, reference, last_input, expired)
+        else:
+            step = self._step_by(self._inputs, present - self._answered - 1, estimate)
+        self._number, self._task_s = present, now_s
+        self.task = ExternalTask(
+            self._number,
+            predict(self._model, estimate, step.inputs[0], self.period_s),
+            reference.resampled(self.period_s, self.period_s, self.horizon),
+            step.inputs[0],
+        )
+        return step
+
+    def _step_by(self, answer: Array, stage: int, estimate: Estimate) -> ControlStep:
+        """Return a step by the inputs of an answer from a stage on."""
+        late = self._number > self._answered
+        self.late += late
+        stages = np.minimum(np.arange(self.horizon - 1) + stage, len(answer) - 1)
+        inputs = answer[stages]
+        plan = roll_out(self._model, estimate, inputs, self.period_s)
+        return ControlStep(inputs, plan, "external_late" if late else None, 0)
 
 
 @dataclass

@@ -7,7 +7,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -26,19 +26,11 @@ _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
 
 
-class Verdict(NamedTuple):
-    """What to do with a pose.
+Verdict = tuple[bool, Array | None]
+"""Whether a pose is accepted, and an offset, shape (4,), from where the estimate is to where the poses are.
 
-    `offset`, shape (4,), is where the poses are from where the estimate is. If the pose is accepted, the
-    estimate moves there, else it follows the motion of the poses in parallel.
-    """
-
-    accepted: bool
-    offset: Array | None = None
-
-
-ACCEPT: Final = Verdict(accepted=True)
-REJECT: Final = Verdict(accepted=False)
+With an offset the estimate moves there if the pose is accepted, else it follows their motion in parallel.
+"""
 
 
 @dataclass(slots=True)
@@ -93,28 +85,23 @@ class InnovationGate:
         return self._judge_sudden(innovation, _SUDDEN_M + allowed[:3])
 
     def _judge_sudden(self, innovation: Array, near_m: Array) -> Verdict:
-        before, self._last_sudden = self._last_sudden, None
-        innovation_m = innovation[:3]
-        if _within(innovation_m, near_m):
-            verdict = ACCEPT
-        elif before is not None and _within(innovation_m - before, near_m):
-            verdict = Verdict(accepted=True, offset=innovation)
-        elif self._sudden == _MOST_SUDDEN:
-            verdict = ACCEPT
-        else:
+        before, self._last_sudden, innovation_m = self._last_sudden, None, innovation[:3]
+        near = _within(innovation_m, near_m)
+        agrees = not near and before is not None and _within(innovation_m - before, near_m)
+        if not (near or agrees or self._sudden == _MOST_SUDDEN):
             self._last_sudden = innovation_m
             self._sudden += 1
             self.rejected += 1
-            return REJECT
+            return False, None
         self._sudden = 0
-        return verdict
+        return True, innovation if agrees else None
 
     def _refuse(self, pose: Array, innovation: Array, waited_s: float) -> Verdict:
         self.rejected += 1
         run = self._run
         if run is None or not _within(pose - run.last, self._widths + self._fastest * waited_s):
             self._run = _Run(innovation, pose)
-            return REJECT
+            return False, None
         run.last = pose
         run.poses += 1
         run.duration_s += waited_s
@@ -122,7 +109,7 @@ class InnovationGate:
         if believed:
             self._run = None
             self.restarts += 1
-        return Verdict(believed, run.offset)
+        return believed, run.offset
 
 
 # no laboratory has poses beyond these

@@ -68,21 +68,19 @@ class HorizontalMotion:
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
         """Start in the air at a pose with inertial rates, shape (4,)."""
         self.trust.restart()
-        for each in self.filters:
-            each.start(pose[:2], rates[:2], self._usable(tilt, each), float(pose[YAW]))
+        for each, usable in self._measuring(tilt):
+            each.start(pose[:2], rates[:2], usable, float(pose[YAW]))
 
     def stand(self, pose: Array, tilt: Array | None) -> None:
         """Start at rest on the floor."""
         self.trust.restart()
-        self._stand(pose, tilt)
+        for each, usable in self._measuring(tilt):
+            each.stand(pose[:2], usable, float(pose[YAW]))
 
-    def _stand(self, pose: Array, tilt: Array | None) -> None:
-        for each in self.filters:
-            each.stand(pose[:2], self._usable(tilt, each), float(pose[YAW]))
-
-    def _usable(self, tilt: Array | None, filter_: TiltFilter) -> Array | None:
-        """The measured tilt if that filter may use it."""
-        return tilt if filter_ is self._from_tilt and self.trust.trusted else None
+    def _measuring(self, tilt: Array | None) -> list[tuple[TiltFilter, Array | None]]:
+        """Each filter, with the measured tilt if it may use it."""
+        usable = tilt if self.trust.trusted else None
+        return [(each, usable if each is self._from_tilt else None) for each in self.filters]
 
     def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
@@ -93,20 +91,17 @@ class HorizontalMotion:
                 self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
                 if self._from_tilt is not None and not self.trust.trusted:
                     self._from_tilt.forget_offset()
-        self._expect_noise(noise_m)
-        for each in self.filters:
-            each.correct(pose[:2], self._usable(tilt, each), yaw_rad)
+        for each, usable in self._measuring(tilt):
+            each.expect_noise(noise_m, self.trust.noise_deviation)
+            each.correct(pose[:2], usable, yaw_rad)
 
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct the estimate of a standing vehicle; arguments of `correct`."""
         if tilt is not None:
             self.trust.observe_noise(tilt, since_pose_s)
-        self._expect_noise(noise_m)
-        self._stand(pose, tilt)
-
-    def _expect_noise(self, noise_m: float) -> None:
-        for each in self.filters:
+        for each, usable in self._measuring(tilt):
             each.expect_noise(noise_m, self.trust.noise_deviation)
+            each.stand(pose[:2], usable, float(pose[YAW]))
 
 
 _LIFTING_FRACTION: Final = 0.9  # modelled thrust over weight from which a standing vehicle may lift

@@ -191,9 +191,9 @@ class LagFilter:
         self.x: Array = np.zeros(SIZE)
         self.x[ACTUATOR] = model.hover_input
 
-    def _prepare(self, period_s: float) -> tuple[Array, Array]:
-        """Return the Jacobian at rest, and the covariance Q that a period adds."""
-        return jacobian_at_rest(self._model, period_s), period_s * self._densities
+    def _prepare(self, period_s: float) -> tuple[Array, Array, int]:
+        """Return the Jacobian at rest, the covariance Q that a period adds, and the number of its steps."""
+        return jacobian_at_rest(self._model, period_s), period_s * self._densities, steps_in(period_s)
 
     @property
     def estimate(self) -> Estimate:
@@ -222,8 +222,8 @@ class LagFilter:
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period."""
-        at_rest, Q = self._prepared(round(period_s, PERIOD_DIGITS))
-        model, steps = self._model.motion_model, steps_in(period_s)
+        at_rest, Q, steps = self._prepared(round(period_s, PERIOD_DIGITS))
+        model = self._model.motion_model
         _predict_lags(model, self.x, self.P, at_rest, Q, applied_input, period_s / steps, steps)
 
     def correct(self, pose: Array, R: Array) -> None:

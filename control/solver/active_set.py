@@ -1,6 +1,7 @@
-"""Newton's method for the piecewise quadratic cost: each sweep penalises an excess with weight s.
+"""Newton's method for the piecewise quadratic cost, and the plan that is flown if a solver stops too early.
 
-Active hard bounds fix their rows, and stay active as long as their multipliers have the right sign.
+Each sweep penalises an excess with weight s. Active hard bounds fix their rows, and stay active as long as
+their multipliers have the right sign.
 """
 
 import math
@@ -9,8 +10,23 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rcopterx.compiling.compiled import FLAG, MATRIX, compiled, part, record
-from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
-from rcopterx.control.solver.sweep import FACTOR, Factor, along_row, differentiate, factorize, quality, solve
+from rcopterx.control.solver.problem import (
+    PROBLEM,
+    TRAJECTORIES,
+    OptimalControlProblem,
+    Solution,
+    Trajectories,
+)
+from rcopterx.control.solver.sweep import (
+    FACTOR,
+    Factor,
+    along_row,
+    differentiate,
+    factorize,
+    quality,
+    roll_out,
+    solve,
+)
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-12  # of a change between active and inactive
@@ -110,3 +126,53 @@ def iterate_active_set(
             _, primal, dual = quality(p, plan)
             return sweep, True, factored, primal, dual
     return MOST_SWEEPS, False, factored, math.inf, math.inf
+
+
+OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and of a change of an input
+
+
+def rated(
+    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, converged: bool
+) -> Solution:
+    """Return a rated plan; `converged`: by the solver's own tolerances; others as of `Solution`."""
+    _, primal, dual = quality(p, plan)
+    return Solution(*plan, active, iterations, primal, dual, converged and small(primal, dual))
+
+
+def small(primal: float, dual: float) -> bool:
+    """Whether residuals are those of an optimal plan; they are not where a number is not finite."""
+    return primal < OPTIMAL and 0.0 <= dual < OPTIMAL
+
+
+def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:
+    """Return the less costly of two plans within hard bounds: of inputs, and of the last ones, shifted."""
+    known = [inputs] if last is None else [inputs, shift(last)]
+    plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
+    return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))
+
+
+def shift(stages: Array) -> Array:
+    """Return values of stages one stage on; the last one is repeated."""
+    return np.concatenate((stages[1:], stages[-1:]))
+
+
+def rolled_out(p: OptimalControlProblem, inputs: Array) -> Trajectories:
+    """Return what inputs lead to, shape (N, nu)."""
+    plan = empty_plan(p)
+    plan.u[:] = inputs
+    roll_out(p, plan)
+    return plan
+
+
+def within_hard_bounds(p: OptimalControlProblem, inputs: Array) -> Array:
+    """Return inputs whose hard rows, which depend on the inputs alone, are clipped to their bounds."""
+    hard = np.isinf(p.s[0])
+    D = p.D[:, hard]
+    rows = np.einsum("kij,kj->ki", D, inputs)
+    return np.linalg.solve(D, np.clip(rows, p.low[:, hard], p.high[:, hard])[..., None])[..., 0]
+
+
+def empty_plan(p: OptimalControlProblem) -> Trajectories:
+    """Return a plan to be filled."""
+    stages, nx, nu = p.B.shape
+    return Trajectories(np.empty((stages + 1, nx)), np.empty((stages, nu)), np.empty((stages, p.W.shape[1])))

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from rcopterx.control.interfaces import never
-from rcopterx.control.solver.active_set import update_active_set
-from rcopterx.control.solver.fallback import best_plan, rated
+from rcopterx.control.solver.active_set import best_plan, rated, update_active_set
 from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
 from rcopterx.vehicles.state import Array
 

@@ -12,13 +12,15 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.interfaces import never
-from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
-from rcopterx.control.solver.fallback import (
+from rcopterx.control.solver.active_set import (
+    ActiveSet,
     best_plan,
     empty_plan,
+    iterate_active_set,
     rated,
     rolled_out,
     small,
+    update_active_set,
     within_hard_bounds,
 )
 from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals

@@ -54,7 +54,10 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             r"^vehicles\.h2\.model: input_gain: must be above 0",
         ),
         (PAIR + 'control = { controller = "x" }', r"^vehicles\.h2\.control: .*'x'; allowed are .*paper"),
-        (PAIR + 'control = { estimator = "x" }', r"^vehicles\.h2\.control: .*'x'; allowed are .*kalman"),
+        (
+            PAIR + 'control = { estimator = "x" }',
+            r"^vehicles\.h2\.control: .*'x'; allowed are extended_kalman",
+        ),
         (PAIR + "control = { settings = { x = 1 } }", r"^vehicles\.h2\.control: .*'x'; allowed are horizon"),
         (PAIR + 'control = { settings = { time_limit_s = "a" } }', r"^vehicles\.h2\.control: .*time_limit_s"),
         (

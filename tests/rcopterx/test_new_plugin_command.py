@@ -62,7 +62,7 @@ def test_a_new_package_is_found_by_its_entry_point_and_its_test_flies_it(
     [
         ("controller", "My-Own", "is no name"),
         ("controller", "pid", "controller 'pid' exists already"),
-        ("estimator", "kalman", "estimator 'kalman' exists already"),
+        ("estimator", "extended_kalman", "estimator 'extended_kalman' exists already"),
         ("vehicle-type", "coaxial", "vehicle-type 'coaxial' exists already"),
         ("controller", "numpy", "of an installed module"),
         ("controller", "there", "exists already"),

@@ -1,1 +1,1 @@
-"""Published controllers and the simplest estimator, to compare with; they fly like any plug-in."""
+"""Published controllers and estimators, to compare with; they fly like any plug-in."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.control.solver.fallback import rolled_out
+from rcopterx.control.solver.active_set import rolled_out
 from rcopterx.control.solver.problem import OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.benchmarks.peers import PeerSolver

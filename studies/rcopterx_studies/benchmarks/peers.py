@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from rcopterx.control.interfaces import never
-from rcopterx.control.solver.fallback import rated
+from rcopterx.control.solver.active_set import rated
 from rcopterx.control.solver.osqp import SparseQP
 from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
 from rcopterx.vehicles.state import Array

@@ -19,7 +19,7 @@ from rcopterx.simulator.plant import BodyPose
 from rcopterx_studies.baselines.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 
 NewFlight = Callable[..., Any]
-every_estimator = pytest.mark.parametrize("name", [*ESTIMATORS.built_in, "finite_difference"])
+every_estimator = pytest.mark.parametrize("name", [*ESTIMATORS.built_in, "kalman", "finite_difference"])
 VELOCITY_BOUND_M_S = {"extended_kalman": 0.008, "kalman": 0.02, "finite_difference": 0.02}
 DRAWN_VEHICLE = 2.5
 """How much larger errors may be for a helicopter of which only the type is known."""

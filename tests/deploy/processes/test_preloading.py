@@ -33,8 +33,8 @@ def test_an_agent_imports_nothing_after_it_was_forked() -> None:
 
 
 def test_what_the_fleet_flies_with_and_what_flies_where_that_fails_are_imported() -> None:
-    found = modules(PAIR + 'control = { controller = "pid", estimator = "kalman" }')
-    for module in ("controllers.feedback", "controllers.cascade.controller", "estimators.kalman"):
+    found = modules(PAIR + 'control = { controller = "pid" }')
+    for module in ("controllers.feedback", "controllers.cascade.controller", "estimators.extended_kalman"):
         assert f"rcopterx.control.{module}" in found
     assert "rcopterx.control.controllers.feedback" not in modules(PAIR)
 

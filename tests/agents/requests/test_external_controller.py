@@ -5,8 +5,8 @@ import pytest
 from support.vehicle_types import COAXIAL_LAG
 from support.waiting import FakeClock
 
+from rcopterx.agents.requests.external_control import ExternalController
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.controllers.external import ExternalController
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import hold
 
