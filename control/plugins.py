@@ -143,9 +143,7 @@ CONTROLLERS: Final = Registry[Controller](
 ESTIMATORS: Final = Registry[Estimator](
     "estimator",
     "rcopterx.estimators",
-    {
-        "extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator",
-    },
+    {"extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator"},
 )
 SCHEMES: Final = Registry[Scheme]("scheme", "rcopterx.schemes", {})
 

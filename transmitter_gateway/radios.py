@@ -22,9 +22,7 @@ from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 
 def port_for(
-    settings: TransmitterSettings,
-    clock: Clock = REAL_TIME,
-    dongles: Callable[[int], UsbDevice] = find_dongle,
+    settings: TransmitterSettings, clock: Clock = REAL_TIME, dongles: Callable[[int], UsbDevice] = find_dongle
 ) -> Port:
     """Return a port for a transmitter, not yet opened; `dongles` finds Crazyradios by their number."""
     start = at_once if clock.lockstep else in_thread
@@ -142,9 +140,7 @@ class Radios:
             _each(working, self._read_and_write)
 
     def _pass_poses(
-        self,
-        working: dict[str, Transmitter],
-        new_poses: Callable[[], Iterable[tuple[PoseInput, float]]],
+        self, working: dict[str, Transmitter], new_poses: Callable[[], Iterable[tuple[PoseInput, float]]]
     ) -> bool:
         """Pass new poses to the working transmitters; return whether that is possible."""
         try:

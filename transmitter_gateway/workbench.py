@@ -45,10 +45,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         self.transmitter.port.close()
 
     def run(
-        self,
-        seconds: float,
-        until: Callable[[], bool] = lambda: False,
-        descriptors: Sequence[int] = (),
+        self, seconds: float, until: Callable[[], bool] = lambda: False, descriptors: Sequence[int] = ()
     ) -> bool:
         """Serve the radio for some seconds or until `until` is true, returned; `descriptors` end pauses."""
         end_s = self._clock() + seconds

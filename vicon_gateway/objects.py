@@ -89,9 +89,7 @@ U32, F64 = number("I"), number("d")
 STRING = Layout(encode_string, PayloadReader.string, U32.least_bytes)
 U32S = many(U32)
 U32_SET = Layout(
-    lambda values: U32S.write(sorted(values)),
-    lambda reader: frozenset(U32S.read(reader)),
-    U32S.least_bytes,
+    lambda values: U32S.write(sorted(values)), lambda reader: frozenset(U32S.read(reader)), U32S.least_bytes
 )
 FLAG = Layout(number("?").write, lambda reader: number("B").read(reader) == 1, 1)
 

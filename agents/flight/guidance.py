@@ -21,13 +21,7 @@ from rcopterx.control.references.set_points import (
     smooth_way,
 )
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.formation.law import (
-    FollowedLeader,
-    LeaderPlan,
-    References,
-    offset_between,
-    references_beside,
-)
+from rcopterx.formation.law import FollowedLeader, LeaderPlan, References, offset_between, references_beside
 from rcopterx.vehicles.phases import AIRBORNE, Effect, Event, Phase, transition
 from rcopterx.vehicles.state import YAW, Array
 

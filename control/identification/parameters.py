@@ -25,12 +25,7 @@ class Parameter:
 
 
 def _number(
-    name: str,
-    path: str,
-    unit: str,
-    spread: float,
-    index: int | None = None,
-    positive: bool = True,
+    name: str, path: str, unit: str, spread: float, index: int | None = None, positive: bool = True
 ) -> Parameter:
     """A number of a candidate, or one of a tuple of numbers, as in `model.tilt.servo_lag_s`."""
     found = attrgetter(path)
