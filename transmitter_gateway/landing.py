@@ -60,31 +60,24 @@ class LandingLaw:
 
     def __init__(self, limits: LandingLimits) -> None:
         self._limits = limits
-        self._place: Position | None = None
         self._yaw_rad = 0.0
-        self._climb_m_s = 0.0
-        self._climb_integral_m_s2 = 0.0
-        self._slowest_m_s = math.inf
-        self._astray_s = 0.0
-        self._used = self._faster = False
-        self._effects = (StickEffect(), StickEffect())
+        self._used = True
+        self.renew()
 
     def release(self) -> None:
         """Forget the place, but not the effect of the sticks; the next step begins where the vehicle is."""
-        self._place = None
+        self._place: Position | None = None
         self._slowest_m_s = math.inf
-        self._astray_s = 0.0
+        self._astray_s = self._climb_m_s = self._climb_integral_m_s2 = 0.0
         for effect in self._effects:
             effect.pause()
-        self._climb_m_s = 0.0
-        self._climb_integral_m_s2 = 0.0
 
     def renew(self) -> None:
         """Reset: the vehicle was flown by commands, or has not flown."""
         if self._used:
-            self.release()
             self._used = self._faster = False
             self._effects = (StickEffect(), StickEffect())
+            self.release()
 
     @property
     def obeyed(self) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -256,15 +256,16 @@ class RequestHandler:
         # Headings of references have all turns that the vehicle has made.
         near_rad = self.pilot.guidance.heading_rad(time_s)
         yaw_rad = nearest_heading(request.set_point.yaw_rad, near_rad) + math.tau * request.turns
+        formation = links, _ = self._formation()
         problem = (
             self.changes.promised()
             or self.settings.room.outside(position_m)
-            or self._formation_check()(np.array([[*position_m, yaw_rad]]))
+            or self._check_of(*formation)(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
             return reply_of(problem)
         vehicle, models = self.settings.vehicle, self.settings.models
-        limits = profile_limits_of(self._formation()[0], {vehicle: self.pilot.model, **models}, vehicle)
+        limits = profile_limits_of(links, {vehicle: self.pilot.model, **models}, vehicle)
         return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, time_s, limits))
 
     def _no_trajectory(self) -> str | None:
@@ -276,9 +277,10 @@ class RequestHandler:
 
     def _formation_check(self) -> FormationCheck:
         """Return the check of a way for the present followers and for vehicles that are not avoided."""
-        own = self.settings.vehicle
-        links, heads = self._formation()
-        others = {}
+        return self._check_of(*self._formation())
+
+    def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> FormationCheck:
+        own, others = self.settings.vehicle, {}
         if self.settings.separation is None or self.pilot.step_guard.avoiding is None:
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}

@@ -1,7 +1,8 @@
 """Commands that installed packages add, by the entry-point group `rcopterx.commands`.
 
-An entry point names a `typer.Typer` of one command or of a group. Those named `fly` and `flights` are modules
-instead, with what `fly --faults`, `fly chaos`, `flights --check`, `flights --digest` and `replay --agent` do.
+An entry point names a `typer.Typer` of one command or of a group. Those named `flights`, `fly` and `identify`
+are modules instead, with what `flights --check`, `flights --digest`, `fly --faults`, `fly chaos`,
+`identify --from FILE.csv` and `replay --agent` do.
 """
 
 from importlib.metadata import EntryPoint, entry_points

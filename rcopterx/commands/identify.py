@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
+from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
 from rcopterx.commands.output import JsonOption, PlotOption, print_changes, print_document, write_plot
 from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
-    from rcopterx.control.identification.flight_csv import CommandScale
     from rcopterx.control.identification.recording import FlightRecording
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
@@ -98,31 +98,16 @@ def identify(
 
 
 def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
-    from rcopterx.control.identification.flight_csv import is_csv, read_flight
-    from rcopterx.control.identification.recording import load_recording
-    from rcopterx.fleet.vehicle_types import type_of
+    from rcopterx.control.identification.recording import RecordingError, load_recording
 
-    full = _command_scale(file, name) if is_csv(path) else None
     try:
-        if full is None:
+        if not path.name.endswith((".csv", ".csv.gz")):
             return load_recording(path)
-        return read_flight(path, type_of(file, name).name, full)
-    except (ValueError, OSError) as error:
+        studies = added("identify", "identify --from FILE.csv")
+        found: FlightRecording = studies.recorded_flight(file, name, path)
+        return found
+    except RecordingError as error:
         raise failure(f"{name}: {error}") from None
-
-
-def _command_scale(file: "FleetFile", name: str) -> "CommandScale":
-    """What full sticks command a Crazyflie over its own radio; raises `FleetError` for others."""
-    from rcopterx.control.identification.flight_csv import CommandScale
-    from rcopterx.fleet.radios import protocol_of
-    from rcopterx.fleet.schema import FleetError
-    from rcopterx.radios.crazyflie import CrazyflieProtocol
-    from rcopterx.radios.crtp import FULL_THRUST
-
-    radio = protocol_of(file, name)
-    if not isinstance(radio, CrazyflieProtocol):
-        raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
-    return CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)
 
 
 def _flown(

@@ -31,6 +31,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["replay", "--agent", "h1"], "replay --agent"),
         (["flights", "--check", "latest"], "flights --check"),
         (["flights", "--digest", "latest"], "flights --digest"),
+        (["identify", "h1", "--from", "a.csv", "-f", "trio", "--dry-run"], "identify --from FILE.csv"),
     ],
 )
 @pytest.mark.usefixtures("installed")

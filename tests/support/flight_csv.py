@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rcopterx.control.identification.flight_csv import COLUMNS, CommandScale
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx_studies.experiments.flight_csv import COLUMNS, CommandScale
 
 FULL = CommandScale(tilt_deg=30.0, yaw_rate_deg_s=200.0, thrust=60_000.0)
 FLOOR_ROWS = 20

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from rcopterx.control.identification.fit import Identification, identify
-from rcopterx.control.identification.flight_csv import CommandScale, is_csv, read_flight
 from rcopterx.control.identification.motions import SETTLE_S
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Measurement
@@ -23,6 +22,7 @@ from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, inertial_velocity
+from rcopterx_studies.experiments.flight_csv import CommandScale, is_csv, read_flight
 from rcopterx_studies.experiments.knowledge import CRAZYFLIE
 from rcopterx_studies.experiments.record import rms
 from rcopterx_studies.figures import finish_figure

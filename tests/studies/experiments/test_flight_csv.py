@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from support.flight_csv import FULL, rows_of, write_csv
 
-from rcopterx.control.identification.flight_csv import is_csv, read_flight
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
+from rcopterx_studies.experiments.flight_csv import is_csv, read_flight
 
 Rows = list[dict[str, float]]
 
