@@ -7,7 +7,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,19 @@ _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
 
 
-Verdict = tuple[bool, Array | None]
-"""Whether a pose is accepted, and an offset, shape (4,), from where the estimate is to where the poses are.
+class Verdict(NamedTuple):
+    """What to do with a pose.
 
-With an offset the estimate moves there if the pose is accepted, else it follows their motion in parallel.
-"""
+    `offset`, shape (4,), is where the poses are from where the estimate is. If the pose is accepted, the
+    estimate moves there, else it follows the motion of the poses in parallel.
+    """
+
+    accepted: bool
+    offset: Array | None = None
+
+
+ACCEPT: Final = Verdict(accepted=True)
+REJECT: Final = Verdict(accepted=False)
 
 
 @dataclass(slots=True)
@@ -92,16 +100,16 @@ class InnovationGate:
             self._last_sudden = innovation_m
             self._sudden += 1
             self.rejected += 1
-            return False, None
+            return REJECT
         self._sudden = 0
-        return True, innovation if agrees else None
+        return Verdict(True, innovation) if agrees else ACCEPT
 
     def _refuse(self, pose: Array, innovation: Array, waited_s: float) -> Verdict:
         self.rejected += 1
         run = self._run
         if run is None or not _within(pose - run.last, self._widths + self._fastest * waited_s):
             self._run = _Run(innovation, pose)
-            return False, None
+            return REJECT
         run.last = pose
         run.poses += 1
         run.duration_s += waited_s
@@ -109,7 +117,7 @@ class InnovationGate:
         if believed:
             self._run = None
             self.restarts += 1
-        return believed, run.offset
+        return Verdict(believed, run.offset)
 
 
 # no laboratory has poses beyond these
