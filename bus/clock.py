@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from math import floor
 from pathlib import Path
 from time import monotonic, time
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rcopterx.bus.rounding import TIME_BITS
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.page import LockstepTime
 
 NANO: Final = 1_000_000_000
 """Nanoseconds of a second."""
@@ -40,6 +43,14 @@ class Clock:
             return opened_page(self.page).now
         ticks = self.speed * _TICKS
         return lambda: floor(ticks * monotonic()) / _TICKS
+
+    def lockstep_time(self) -> "LockstepTime | None":
+        """Return the time that launchers let stand still for processes; None if it passes by itself."""
+        if self.page is None:
+            return None
+        from rcopterx.bus.lockstep.page import LockstepTime
+
+        return LockstepTime(self.page)
 
     def real_s(self, seconds: float) -> float:
         """Return the real time of a duration [s]."""

@@ -141,15 +141,16 @@ def remove_page(path: Path) -> None:
 
 
 class LockstepTime:
-    """A `fleet_time.FleetTime` on a page, which exists from `begin` to `end`."""
+    """What launchers do for the time of a fleet, on a page that exists from `begin` to `end`.
 
-    waits = True
+    It waits for processes: none of them hangs, and none has to be replaced at once.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def begin(self, processes: Iterable[str]) -> None:
-        """See `FleetTime.begin`."""
+        """Begin when all these processes are there."""
         create_page(self._path, processes)
 
     def _participant(self, name: str) -> ParticipantState:
@@ -164,20 +165,20 @@ class LockstepTime:
         return lived_s
 
     def want(self, process: str, wanted: bool) -> None:
-        """See `FleetTime.want`."""
+        """Wait for a process that is started, or end one at the present time."""
         participant = self._participant(process)
         participant.wanted, participant.to_be_killed = wanted, not wanted and participant.process > 0
 
     def want_none(self) -> None:
-        """See `FleetTime.want_none`."""
+        """Pass without processes that are missing."""
         page = opened_page(self._path)
         for participant in page.participants[1 : page.used_participants]:
             participant.wanted = 0
 
     def note_lost_routers(self, count: int) -> None:
-        """See `FleetTime.note_lost_routers`."""
+        """Pass without the messages that were lost with so many routers."""
         opened_page(self._path).lost_routers = count
 
     def end(self) -> None:
-        """See `FleetTime.end`."""
+        """End; the processes have ended."""
         remove_page(self._path)

@@ -13,7 +13,6 @@ from typing import Final, TypeVar
 from msgspec.structs import replace
 
 from rcopterx.bus.clock import Clock
-from rcopterx.bus.lockstep.fleet_time import time_of
 from rcopterx.bus.processes import RECORDER, ROLES, ROUTER, SERVICES, SIMULATOR
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
@@ -90,7 +89,7 @@ class Launcher(AbstractContextManager["Launcher"]):
     ) -> None:
         self._fleet, self._host, self._idle, self._script = fleet, host, idle, script
         clock = clock_of(fleet)
-        self._time = time_of(clock)
+        self._time = clock.lockstep_time()
         self.directory = directory = run_directory(fleet.name, fleet.bus.namespace)
         # Processes that start when the place has become full find each other where this one began.
         os.environ[VARIABLE] = str(directory.parent)
@@ -116,9 +115,9 @@ class Launcher(AbstractContextManager["Launcher"]):
             directory / "log",
             forks,
             # Agents of another host may all have to be started at once.
-            spares=None if self._time.waits else self._spares(specs, forks, SPARES + len(guests)),
-            watchdog=replace(limits, enabled=limits.enabled and watchdog and not self._time.waits),
-            lived_s=self._time.lived_s,
+            spares=None if self._time else self._spares(specs, forks, SPARES + len(guests)),
+            watchdog=replace(limits, enabled=limits.enabled and watchdog and self._time is None),
+            lived_s=None if self._time is None else self._time.lived_s,
         )
         absent = {agent_process(name) for name in (*without, *guests)}
         for name, child in self.supervisor.children.items():
@@ -128,7 +127,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             period_s = fleet.clock.real_s(fleet.vehicles[home[0]].control.period_s)
             return CapacityMeasurement(snapshot, home[0], period_s, forks, self.supervisor.roles)
 
-        self._capacity = HostCapacity(self.supervisor, measurement if home and not self._time.waits else None)
+        self._capacity = HostCapacity(self.supervisor, measurement if home and self._time is None else None)
         self._prepare_pilots = partial(forks.prepare_pilots, snapshot, host, fleet.agents_on(host))
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._unpublished: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -145,7 +144,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def __enter__(self) -> "Launcher":
         vehicles = self._fleet.transmitters_on(self._host)
-        if self._time.waits:
+        if self._time is not None:
             # Their times are those of another flight.
             remove_states(vehicles, self.directory)
         try:
@@ -155,7 +154,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             raise
         wanted = (child.spec for child in self.supervisor.children.values() if child.wanted)
         in_lockstep = (spec.name for spec in wanted if ROLES[spec.role].in_lockstep)
-        self._time.begin([SIMULATOR, *in_lockstep, *SERVICES, *filter(None, [self._script])])
+        if self._time is not None:
+            self._time.begin([SIMULATOR, *in_lockstep, *SERVICES, *filter(None, [self._script])])
         write_snapshot(self._fleet, snapshot_path(self._host, self.directory))
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()
@@ -215,7 +215,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         while not self._stopping.is_set():
             do("replacing lost agents", self._replace_lost_agents)
             do("supervision", partial(self.supervisor.watch, WATCH_S))
-            self._time.note_lost_routers(self.supervisor.children[ROUTER].restarts)
+            if self._time is not None:
+                self._time.note_lost_routers(self.supervisor.children[ROUTER].restarts)
             do("measuring the capacity", self._measure)
         self._capacity.close()
         self.supervisor.stop_all()
@@ -243,7 +244,9 @@ class Launcher(AbstractContextManager["Launcher"]):
             service.close()
         self._host_service = self._checkpoint = None
         self._stopping.set()
-        self._time.want_none()
+        if self._time is not None:
+            self._time.want_none()
         self._thread.join()
-        self._time.end()
+        if self._time is not None:
+            self._time.end()
         remove_states(self._fleet.transmitters_on(self._host), self.directory)

@@ -16,7 +16,6 @@ from support.bus import free_port
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
-from rcopterx.bus.lockstep.fleet_time import time_of
 from rcopterx.bus.lockstep.page import opened_page
 from rcopterx.bus.processes import SCRIPT
 from rcopterx.bus.session import RequestFailedError
@@ -83,7 +82,8 @@ class Flying:
     def want(self, process: str, wanted: bool) -> None:
         """Have a process run from now on, or end now and not be started again."""
         self.launcher_of(process).supervisor.children[process].wanted = wanted
-        time_of(self.fleet.session.address.clock).want(process, wanted)
+        if lockstep := self.fleet.session.address.clock.lockstep_time():
+            lockstep.want(process, wanted)
 
     @contextmanager
     def stopped(self, process: str) -> Iterator[None]:
