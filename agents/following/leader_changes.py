@@ -26,70 +26,62 @@ from rcopterx.vehicles.phases import Phase
 PREPARED_S = 3.0  # time for which a prepared change waits for its frame
 
 
-@dataclass(frozen=True)
-class Change:
-    """New leaders of one vehicle, or its place if it leads."""
-
-    request: PrepareLeaders
-    expires_s: float  # when it is discarded [monotonic s]
-    epoch: int | None = None
-    frame: int = 0  # when it begins, once that is known
-
-
 class Regrouping:
     """The change that one vehicle has prepared, at most one at a time."""
 
     def __init__(self, clock: Callable[[], float], events: Counter[str]) -> None:
         self._clock, self._events = clock, events
-        self._change: Change | None = None
+        self._request: PrepareLeaders | None = None
+        self._expires_s = 0.0  # when it is discarded [monotonic s]
+        self._begins: tuple[int, int] | None = None  # epoch and frame, once they are known
 
     @property
     def leaders(self) -> set[str]:
         """Leaders of the prepared change."""
-        change = self._present()
-        return set() if change is None else {link.leader for link in change.request.following}
+        request = self._present()
+        return set() if request is None else {link.leader for link in request.following}
 
-    def _present(self) -> Change | None:
-        if self._change is not None and self._clock() > self._change.expires_s:
+    def _present(self) -> PrepareLeaders | None:
+        if self._request is not None and self._clock() > self._expires_s:
             self._events["regrouping_expired"] += 1
-            self._change = None
-        return self._change
+            self._request = None
+        return self._request
 
     def busy(self, operation: str) -> str | None:
         """Return why no change can be prepared; None if one can."""
-        change = self._present()
-        if change is None or change.request.operation == operation:
+        request = self._present()
+        if request is None or request.operation == operation:
             return None
-        return f"another change of leaders is under way ({change.request.operation})"
+        return f"another change of leaders is under way ({request.operation})"
 
     def prepare(self, request: PrepareLeaders) -> None:
         """Prepare a change; it replaces one of the same name."""
-        self._change = Change(request, self._clock() + PREPARED_S)
+        self._request, self._expires_s, self._begins = request, self._clock() + PREPARED_S, None
 
     def commit(self, request: CommitLeaders, clock: FleetClock) -> str | None:
         """Set the frame of a change; return the reason of a refusal, or None."""
-        change = self._present()
-        if change is None or change.request.operation != request.operation:
+        prepared = self._present()
+        if prepared is None or prepared.operation != request.operation:
             return f"nothing is prepared under {request.operation!r}"
         if request.epoch != clock.epoch:
             return f"the stream of frames is another one now: epoch {clock.epoch}, not {request.epoch}"
         if request.frame <= clock.current_frame:
             return f"frame {request.frame} has passed, the present one is {clock.current_frame}"
-        self._change = replace(change, epoch=request.epoch, frame=request.frame)
+        self._begins = request.epoch, request.frame
         return None
 
     def withdraw(self, operation: str) -> None:
         """Discard a change."""
-        if self._change is not None and self._change.request.operation == operation:
-            self._change = None
+        if self._request is not None and self._request.operation == operation:
+            self._request = None
 
     def due(self, clock: FleetClock) -> PrepareLeaders | None:
         """Return the request whose frame has come, once; else None."""
-        change = self._present()
-        if change is None or change.epoch != clock.epoch or clock.current_frame < change.frame:
+        request, begins = self._present(), self._begins
+        if request is None or begins is None or begins[0] != clock.epoch or clock.current_frame < begins[1]:
             return None
-        self._change = None
-        return change.request
+        self._request = None
+        return request
 
 
 FIRST_PLAN_LIMIT_S = 0.3
