@@ -6,9 +6,8 @@ control) is no scheme; it takes part as it is.
 """
 
 from collections.abc import Mapping
-from typing import Final, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
-import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.interfaces import Controller, Estimate
@@ -16,32 +15,6 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
 MAX_MESSAGE_BYTES: Final = 4096
-M = TypeVar("M", bound=Struct)
-
-
-class Samples(Struct, frozen=True):
-    """Rows of three numbers in a message: 32-bit little-endian floats, row by row.
-
-    Raises `ValueError` for numbers that are not finite and incomplete rows, also when it is decoded.
-    """
-
-    data: bytes
-
-    @classmethod
-    def of(cls, rows: Array) -> "Samples":
-        """Pack an array of shape (n, 3)."""
-        return cls(rows.astype("<f4").tobytes())
-
-    def to_numpy(self) -> Array:
-        """Unpack into an array of shape (n, 3)."""
-        return np.frombuffer(self.data, "<f4").reshape(-1, 3).astype(np.float64)
-
-    def __len__(self) -> int:
-        return len(self.data) // 12  # rows
-
-    def __post_init__(self) -> None:
-        if not self.data or len(self.data) % 12 or not np.isfinite(np.frombuffer(self.data, "<f4")).all():
-            raise ValueError(f"{len(self.data)} bytes, must be rows of three finite 32-bit floats")
 
 
 class Neighbour(NamedTuple):
@@ -76,31 +49,13 @@ class Situation(NamedTuple):
         """Whether the vehicle follows others, so that the reference is not its task."""
         return any(neighbour.followed for neighbour in self.neighbours.values())
 
-    def linked(self, kind: type[M]) -> "list[Linked[M]]":
-        """Return the neighbours with an offset and a message of this type, in the order of their names."""
-        return [
-            Linked(name, neighbour.message, neighbour.age_s, neighbour.offset_m, neighbour.followed)
-            for name, neighbour in sorted(self.neighbours.items())
-            if neighbour.offset_m is not None and isinstance(neighbour.message, kind)
-        ]
-
-
-class Linked(NamedTuple, Generic[M]):
-    """A neighbour with an offset and a message, see `Neighbour`."""
-
-    name: str
-    message: M
-    age_s: float
-    offset_m: Array
-    followed: bool
-
 
 @runtime_checkable
 class Scheme(Controller, Protocol):
     """A controller with messages: `exchange` receives and sends them, `step` computes the command."""
 
     Message: type[Struct]
-    """Type of the messages, with plain fields and `Samples`."""
+    """Type of the messages, with plain fields."""
 
     @property
     def exchanges(self) -> int:

@@ -8,6 +8,7 @@ else do neighbours need, and what follows from the age of a message? What a sche
 import numpy as np
 
 from rcopterx.vehicles.state import inertial_velocity
+from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -19,7 +20,7 @@ class ClassScheme(TrackedScheme):
 
     def _exchange(self, situation):
         """Choose the path and return the message. Your answer; this one stands still between messages."""
-        reference, leaders = situation.reference, [n for n in situation.linked(Moving) if n.followed]
+        reference, leaders = situation.reference, [n for n in linked(situation, Moving) if n.followed]
         if leaders:
             place = np.mean([np.add(n.message.position_m, n.offset_m) for n in leaders], axis=0)
             self._fly(SchemePath(place, np.zeros(3), np.zeros((1, 3)), self.period_s))

@@ -10,6 +10,7 @@ import numpy as np
 
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.state import inertial_velocity
+from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -21,7 +22,7 @@ class CourierScheme(TrackedScheme):
 
     def _exchange(self, situation: Situation) -> Moving:
         motion, reference = situation.estimate.motion, situation.reference
-        leaders = [link for link in situation.linked(Moving) if link.followed]
+        leaders = [link for link in linked(situation, Moving) if link.followed]
         if situation.follows and leaders:
             place, velocity = np.mean([link.message.after(link.age_s) for link in leaders], axis=0)
             place += np.mean([link.offset_m for link in leaders], axis=0)

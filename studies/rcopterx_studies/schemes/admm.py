@@ -25,9 +25,10 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.scheme import Linked, Samples, Situation
+from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.schemes.messages import Linked, Samples, linked
 from rcopterx_studies.schemes.planner import WayPlanner
 from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, SchemePath, TrackedScheme, TrackedSettings
 
@@ -88,11 +89,11 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
 
     def _exchange(self, situation: Situation) -> Iterate:
         self._pass_stages(situation.time_s)
-        linked = [link for link in situation.linked(Iterate) if self._usable(link.message)]
+        links = [link for link in linked(situation, Iterate) if self._usable(link.message)]
         if self._averages_next:
-            self._form_average(situation.vehicle, linked)
+            self._form_average(situation.vehicle, links)
         else:
-            self._solve(situation, linked)
+            self._solve(situation, links)
         self._averages_next = not self._averages_next
         assert self._stage is not None
         copies = {name: Samples.of(copy + self._duals[name]) for name, copy in self._copies.items()}
@@ -127,7 +128,7 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         self._fly(SchemePath(*self._state(begins_s), accelerations, h), begins_s)
         self._stage = stage
 
-    def _solve(self, situation: Situation, linked: Sequence[Linked[Iterate]]) -> None:
+    def _solve(self, situation: Situation, links: Sequence[Linked[Iterate]]) -> None:
         """Solve the local problem; the copies are eliminated from it."""
         given, stage = self._settings, self._stage
         assert stage is not None
@@ -135,7 +136,7 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         joint = given.coupling * given.penalty / (given.coupling + given.penalty)
         terms = [(given.penalty, self._average - self._dual)]
         agreed = {}
-        for name, message, _, offset_m, _ in linked:
+        for name, message, _, offset_m, _ in links:
             average = shifted(message.average.to_numpy(), stage - message.stage)
             dual = self._duals.get(name, np.zeros_like(average))
             dual = dual + self._copies.get(name, average) - average
@@ -149,7 +150,7 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         position, velocity = self._state(begins_s)
         path = self._planner(round(weight, 9)).plan(position, velocity, np.vstack((position, targets)))
         self._positions = path.at(given.stage_s * np.arange(1.0, given.stages + 1.0))[0]
-        offsets = {name: offset_m for name, _, _, offset_m, _ in linked}
+        offsets = {name: offset_m for name, _, _, offset_m, _ in links}
         self._copies = {
             name: (given.coupling * (self._positions - offsets[name]) + given.penalty * rows)
             / (given.coupling + given.penalty)
@@ -159,11 +160,11 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         accelerations = np.vstack((self._path.acceleration_m_s2[:1], path.acceleration_m_s2))
         self._fly(SchemePath(*self._state(self._began_s), accelerations, given.stage_s), self._began_s)
 
-    def _form_average(self, vehicle: str, linked: Sequence[Linked[Iterate]]) -> None:
+    def _form_average(self, vehicle: str, links: Sequence[Linked[Iterate]]) -> None:
         """Average the own positions and the copies that the neighbours have of them."""
         assert self._stage is not None
         proposals = [self._positions + self._dual]
-        for _, message, _, _, _ in linked:
+        for _, message, _, _, _ in links:
             if vehicle in message.copies:
                 copy = message.copies[vehicle].to_numpy()
                 proposals.append(shifted(copy, self._stage - message.stage))

@@ -10,6 +10,7 @@ import numpy as np
 
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -33,7 +34,7 @@ class ConsensusScheme(TrackedScheme[ConsensusSettings]):
     def _exchange(self, situation: Situation) -> Moving:
         position, velocity = self._state()
         pull = np.zeros(3)
-        for _, place, age_s, offset_m, _ in situation.linked(Moving):
+        for _, place, age_s, offset_m, _ in linked(situation, Moving):
             other, other_velocity = place.after(age_s)
             pull += self._pull(position - other - offset_m, velocity - other_velocity)
         if not situation.follows:

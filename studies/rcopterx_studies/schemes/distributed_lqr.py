@@ -19,6 +19,7 @@ from rcopterx.control.models.linear import regulator
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity
+from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -52,7 +53,7 @@ class DistributedLqrScheme(TrackedScheme[DistributedLqrSettings]):
         velocity = inertial_velocity(motion)
         state = np.stack((motion[:3], velocity))
         acceleration = np.zeros(3)
-        for _, other, age_s, offset_m, _ in situation.linked(Moving):
+        for _, other, age_s, offset_m, _ in linked(situation, Moving):
             place, other_velocity = other.after(age_s)
             aim = np.stack((place + offset_m, other_velocity))
             acceleration -= (self._relative_gain @ (state - aim))[0]

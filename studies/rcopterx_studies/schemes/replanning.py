@@ -12,9 +12,10 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.scheme import Samples, Situation
+from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.schemes.messages import Samples, linked
 from rcopterx_studies.schemes.planner import Plane, WayPlanner
 from rcopterx_studies.schemes.tracked import INSTANT_S, Gain, SchemePath, TrackedScheme, TrackedSettings
 
@@ -97,7 +98,7 @@ class ReplanningScheme(TrackedScheme[R]):
         if not situation.follows:
             given, ahead_s = self._settings, start_s - situation.time_s
             return situation.reference.resampled(ahead_s, given.stage_s, given.stages + 1).position_m
-        followed = [link for link in situation.linked(Announced) if link.followed]
+        followed = [link for link in linked(situation, Announced) if link.followed]
         if not followed:
             return self._own(start_s + self._stage_times_s)
         return np.asarray(np.mean([others[link.name] + link.offset_m for link in followed], axis=0))

@@ -15,10 +15,11 @@ from rcopterx.control.controllers.settings import Horizon
 from rcopterx.control.interfaces import ControlStep, Estimate, never
 from rcopterx.control.references.columns import ACCELERATION, POSITION, VELOCITY
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.scheme import Samples, Situation
+from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity, three
 from rcopterx.vehicles.tuples import Three
+from rcopterx_studies.schemes.messages import Samples
 
 INSTANT_S: Final = 1e-6  # tolerance of times that are multiples of a stage or a round
 Gain = Annotated[float, Meta(gt=0.0, le=1e6)]

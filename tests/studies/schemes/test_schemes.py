@@ -13,10 +13,11 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.plugins import SCHEMES
 from rcopterx.control.references.trajectory import hold
-from rcopterx.control.scheme import Neighbour, Samples, Scheme, Situation
+from rcopterx.control.scheme import Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.schemes.admm import Iterate
 from rcopterx_studies.schemes.distributed_lqr import distributed_gains
+from rcopterx_studies.schemes.messages import Samples
 from rcopterx_studies.schemes.planner import Plane, WayPlanner
 from rcopterx_studies.schemes.replanning import Announced
 from rcopterx_studies.schemes.tracked import SchemePath
