@@ -29,8 +29,7 @@ class NewVehicle(NamedTuple):
     port: str  # serial device, or address of a radio
     offset_m: tuple[float, float, float] | None = None
     """Offset to the first vehicle in formation; None for a place in rows behind it."""
-    battery: Mapping[str, float] = {}
-    """Its table `battery`; empty for that of the type."""
+    battery: Mapping[str, float] = {}  # its table `battery`; empty for that of the type
 
 
 class PlacedVehicle(NamedTuple):

@@ -1,6 +1,6 @@
 """Summaries of flights, and repair of files that were cut off."""
 
-import fcntl
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -13,6 +13,7 @@ from rcopterx.flights.flights import SUFFIX, Flight, missing_parts
 from rcopterx.flights.mcap_reading import LogContents, contents_of, messages_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import McapFile
+from rcopterx.places import is_locked
 
 CHUNK_MESSAGES: Final = 500
 RECOVERED: Final = ".recovered.mcap"
@@ -134,11 +135,6 @@ def incomplete(flight: Flight) -> list[str]:
 
 def is_recorded(path: Path) -> bool:
     """Return whether a recorder writes a file, which it keeps locked."""
-    with path.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:  # a file system without locks
-            return False
+    with path.open("rb") as file, suppress(OSError):  # a file system without locks
+        return is_locked(file)
     return False

@@ -23,9 +23,7 @@ MALFORMED: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError)
 """Raised by the library for records that contradict themselves."""
 WINDOW_BYTES: Final = 1024 * 1024  # of a file that is searched at once for the next chunk
 HEAD: Final = struct.Struct("<BQ")  # opcode, length
-_CHUNK: Final = struct.Struct(
-    "<QQQII"
-)  # first and last time, size, checksum, length of the compression's name
+_CHUNK: Final = struct.Struct("<QQQII")  # first, last time; size; checksum; length of the compression name
 _LENGTH: Final = struct.Struct("<Q")
 _CHECKSUM: Final = struct.Struct("<I")
 _FOOTER: Final = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum

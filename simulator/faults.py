@@ -162,8 +162,7 @@ class TurnPose(SubjectFault, frozen=True, tag="turn_pose"):
 class AddNoise(LastingFault, frozen=True, tag="add_noise"):
     """Add noise to all positions: white, from frame to frame."""
 
-    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.002
-    """Standard deviation on each axis."""
+    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.002  # standard deviation on each axis
 
 
 class SkipFrames(LastingFault, frozen=True, tag="skip_frames"):
@@ -210,20 +209,14 @@ class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):
 class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     """Break a vehicle itself: a weak rotor, sticks that act wrongly or late, or off their trim."""
 
-    thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0
-    """Share of the thrust that is left; 0 for no lift."""
-    dead: StickName | None = None
-    """Stick without effect."""
-    reversed: StickName | None = None
-    """Stick that acts the wrong way round."""
-    exchanged: bool = False
-    """Whether the pitch stick rolls and the roll stick pitches."""
-    stuck: StickName | None = None
-    """Stick that stays where it is."""
+    thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0  # share of the thrust that is left; 0 for no lift
+    dead: StickName | None = None  # stick without effect
+    reversed: StickName | None = None  # stick that acts the wrong way round
+    exchanged: bool = False  # whether the pitch stick rolls and the roll stick pitches
+    stuck: StickName | None = None  # stick that stays where it is
     cyclic_factor: Annotated[float, Meta(ge=0, le=10)] = 1.0
     """Effect of the pitch and roll sticks, relative to that of the sound vehicle."""
-    delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """By how much later the sticks act."""
+    delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0  # by how much later the sticks act
     trim: tuple[Stick, Stick, Stick, Stick] = (0.0, 0.0, 0.0, 0.0)
     """Offsets of the sticks: pitch, roll, thrust, yaw."""
 
@@ -236,8 +229,7 @@ TrackerFault = (
 )  # fmt: skip
 """Faults of the emulated Tracker."""
 
-Fault = TrackerFault | BreakRadio | BreakVehicle
-"""Faults of the simulated laboratory."""
+Fault = TrackerFault | BreakRadio | BreakVehicle  # faults of the simulated laboratory
 
 FAULTS: Final[dict[str, type[FaultRequest]]] = {
     str(kind.__struct_config__.tag): kind for kind in get_args(Fault)
@@ -248,8 +240,7 @@ FAULTS: Final[dict[str, type[FaultRequest]]] = {
 class TimedFault(Struct, frozen=True, forbid_unknown_fields=True):
     """A line of a scenario."""
 
-    at_s: Annotated[float, Meta(ge=0, le=86_400)]
-    """When it begins, counted from the arrival of the request."""
+    at_s: Annotated[float, Meta(ge=0, le=86_400)]  # when it begins, counted from the arrival of the request
     fault: Fault
 
 

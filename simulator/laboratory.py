@@ -17,13 +17,11 @@ from rcopterx.vehicles.tuples import Three
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
-BEGIN_M: Final = 0.1
-"""Distance below a rotor over which its downwash develops."""
+BEGIN_M: Final = 0.1  # distance below a rotor over which its downwash develops
 WIDTH_M: Final = 0.1
 SPREAD: Final = 0.2
 """Horizontal distance at which it has fallen by e: at the rotor, and what is added per distance below."""
-ROTOR_RADIUS_M: Final = 0.1
-"""Radius of the rotors that walls and the ceiling act on."""
+ROTOR_RADIUS_M: Final = 0.1  # radius of the rotors that walls and the ceiling act on
 CEILING_NEAR: Final = 0.25
 CEILING_FAR: Final = 3.0
 """Distances of the ceiling in radii: below the first it acts no stronger, beyond the second not at all."""

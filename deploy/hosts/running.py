@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rcopterx.deploy.hosts.run_directory import base_directories
+from rcopterx.places import is_locked
 
 LOCK_PATIENCE_S = 2.0  # how long a router that replaces another one waits for the lock
 LOCK_RETRY_S = 0.01
@@ -71,11 +72,7 @@ def _read(path: Path) -> RunningFleet | None:
     """Return the record of a running router, else None."""
     try:
         with path.open("rb") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return RunningFleet(**json.load(file))
+            return RunningFleet(**json.load(file)) if is_locked(file) else None
     except (OSError, ValueError, TypeError):
         # The fleet is just going down or coming up: its record is removed or incomplete.
         return None
-    return None

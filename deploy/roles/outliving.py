@@ -1,7 +1,6 @@
 """Processes that outlive their launcher: gateways that land their vehicles need poses and the bus."""
 
 import ctypes
-import fcntl
 import os
 import select
 import signal
@@ -13,6 +12,7 @@ from typing import Final
 
 from rcopterx.deploy.hosts.run_directory import run_directory, states_directory
 from rcopterx.fleet.schema import FleetFile
+from rcopterx.places import is_locked
 
 PR_SET_PDEATHSIG: Final = 1
 CHECK_S: Final = 0.05
@@ -56,15 +56,6 @@ def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None
     ended_s = time.monotonic()
     limit_s = ended_s + fleet.clock.real_s(longest_shutdown_s(fleet, host)) + ENDED_S
     while (now_s := time.monotonic()) < limit_s and now_s < ended_s + ENDED_S:
-        if any(_in_use(page) for page in pages):
+        if any(map(is_locked, pages)):
             ended_s = now_s
         time.sleep(CHECK_S)
-
-
-def _in_use(page: int) -> bool:
-    try:
-        fcntl.flock(page, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    fcntl.flock(page, fcntl.LOCK_UN)
-    return False
