@@ -9,7 +9,6 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import battery_limits, type_of
 from rcopterx.radios.battery import BatteryLimits
 from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, StandingLimits, SurveillanceLimits
-from rcopterx.radios.registry import settings_class
 from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST
@@ -30,6 +29,8 @@ def _with_full_sticks(fleet: FleetFile, name: str) -> Model:
     other_protocol = transmitter.protocol not in (None, usual.protocol)
     if other_protocol or not table.keys() & {"full_tilt_deg", "full_yaw_rate_deg_s"}:
         return own.model
+    from rcopterx.radios.registry import settings_class  # not in agents of vehicles without such settings
+
     kind, where = settings_class(usual.protocol), f"vehicles.{name}.transmitter.settings"
     before, after = (
         dataclass_from(kind, settings, where) for settings in (usual.settings, usual.settings | table)
