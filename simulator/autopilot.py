@@ -11,7 +11,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, packed, set_point_of
-from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
+from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, PX4, MavlinkSettings
 from rcopterx.radios.mavlink_state import LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import AttitudeSetPoint
@@ -22,9 +22,15 @@ from rcopterx.simulator.vehicle_udp import UdpVehicle
 from rcopterx.vehicles.model import Model
 
 LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24  # modes of PX4 as reported
+HOLDING: Final = {PX4: LOITER, ARDUPILOT: 5}
+LANDING: Final = {PX4: LAND, ARDUPILOT: 9}
 SLOWEST_STREAM_S: Final = 0.5
 STREAM_BEFORE_S: Final = 1.0
 LOSS_S: Final = 1.0  # `COM_OF_LOSS_T`
+GCS_LOSS_S: Final = 2.0  # `FS_GCS_TIMEOUT`; until then ArduCopter hovers level
+PAUSE_S: Final = 4.0  # `LAND_WITH_DELAY_MS` of a landing by a failsafe
+COMPLAINTS_S: Final = 30.0  # between two texts of ArduPilot about checks that fail
+CONSISTENT_S: Final = 20.0  # from its start, until ArduCopter finds its inertial sensors consistent
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
 SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
@@ -74,9 +80,11 @@ class EmulatedAutopilot(UdpVehicle):
         """Start anew with a full battery, disarmed."""
         self._mav = mavlink.MAVLink(None, self._settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
-        self.powered, self.armed, self.terminated, self.mode = True, False, False, LOITER
+        self.powered, self.armed, self.terminated = True, False, False
+        self.mode = HOLDING[self._obeying.autopilot]
         self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
-        self._flown_s = 0.0
+        self._flown_s, self._booted_s, self._failed_s = 0.0, now_s, -math.inf
+        self._complains_s = now_s + 1.0
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
         self._set_point, self._heading_rad, self._hover = AttitudeSetPoint(), 0.0, 0.5
         self._landed_s: float | None = -math.inf  # since when it stands with low throttle; None in flight
@@ -136,13 +144,7 @@ class EmulatedAutopilot(UdpVehicle):
                 packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
             )
         ]
-        text = refusal.encode()
-        parts = [text[start : start + LONGEST_TEXT] for start in range(0, len(text), LONGEST_TEXT)]
-        several = int(len(parts) > 1)
-        answers[:0] = [
-            mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, part, several, number)
-            for number, part in enumerate(parts)
-        ]
+        answers[:0] = _texts(refusal)
         return [packed(self._mav, message) for message in answers]
 
     def _take(self, packet: Any, now_s: float) -> None:
@@ -219,13 +221,17 @@ class EmulatedAutopilot(UdpVehicle):
             return "Arming denied: flight terminated, restart it"
         if self._flown_s >= ENDURANCE_S:
             return "Arming denied: battery low"
+        if self._ardupilot and self._advanced_s < self._booted_s + CONSISTENT_S:
+            return "Arm: Accels inconsistent"
         return "Arming denied: no offboard signal" if self._obeys and not self._streams else ""
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
         obeying = main == self._obeying.requested
-        mode = self._obeying.reported if obeying else main << 16 | sub << 24
-        if mode not in (LOITER, LAND, self._obeying.reported) or (obeying and not self._streams):
+        other = main if self._ardupilot else main << 16 | sub << 24
+        mode, autopilot = self._obeying.reported if obeying else other, self._obeying.autopilot
+        allowed = (HOLDING[autopilot], LANDING[autopilot], self._obeying.reported)
+        if mode not in allowed or (obeying and not self._streams):
             return "This mode is currently not available"
         self.mode = mode
         return ""
@@ -235,7 +241,12 @@ class EmulatedAutopilot(UdpVehicle):
         due = [number for number, due_s in self._due_s.items() if self.powered and now_s >= due_s]
         for number in due:
             self._due_s[number] = max(self._due_s[number] + self._periods_s[number], now_s)
-        return [packed(self._mav, self._report(number)) for number in due]
+        messages = [self._report(number) for number in due]
+        complains = self.powered and self._ardupilot and not self.armed and now_s >= self._complains_s
+        if complains and (refusal := self._check()):
+            self._complains_s = now_s + COMPLAINTS_S
+            messages += _texts(refusal.replace("Arm:", "PreArm:"))
+        return [packed(self._mav, message) for message in messages]
 
     def _report(self, number: int) -> Any:
         if number == mavlink.MAVLINK_MSG_ID_ATTITUDE:
@@ -276,9 +287,11 @@ class EmulatedAutopilot(UdpVehicle):
             self._landed_s = None
         elif self._landed_s is None and self._wanted().thrust == 0:
             self._landed_s = now_s
-        if self._obeys and now_s > self._received_s + LOSS_S:
-            self.mode = LAND if self.armed else LOITER
-        if self.mode == LAND and self._height_m <= FLYING_M:
+        lost_s = GCS_LOSS_S if self._ardupilot else LOSS_S
+        if self._obeys and now_s > self._received_s + lost_s:
+            autopilot = self._obeying.autopilot
+            self.mode, self._failed_s = (LANDING if self.armed else HOLDING)[autopilot], now_s
+        if self._lands and self._height_m <= FLYING_M:
             self.armed = False
         self._note(now_s)
 
@@ -286,9 +299,30 @@ class EmulatedAutopilot(UdpVehicle):
         """Note what the vehicle gets if it has changed."""
         self.note_pulses(now_s, self._settings.pulses_us(self._wanted(), armed=self.armed))
 
+    @property
+    def _lands(self) -> bool:
+        return self.mode == LANDING[self._obeying.autopilot]
+
     def _wanted(self) -> AttitudeSetPoint:
+        point = self._set_point
         if self.armed and self._obeys:
-            point = self._set_point
+            timeout_s = self.parameters.get("GUID_TIMEOUT", math.inf)
+            if point.thrust and self._advanced_s > self._received_s + timeout_s:
+                return AttitudeSetPoint(thrust=self._hover)
             yaw_rate = math.degrees(self._heading.rate_rad_s(self._attitude_rad[2]))
             return AttitudeSetPoint(point.roll_deg, point.pitch_deg, yaw_rate, point.thrust)
-        return AttitudeSetPoint(thrust=SINKING * self._hover if self.armed and self.mode == LAND else 0.0)
+        if not (self.armed and self._lands):
+            return AttitudeSetPoint()
+        pauses = self._ardupilot and self._advanced_s < self._failed_s + PAUSE_S
+        return AttitudeSetPoint(thrust=self._hover * (1.0 if pauses else SINKING))
+
+
+def _texts(words: str) -> list[Any]:
+    """Return the messages of a text; none for an empty one."""
+    text = words.encode()
+    parts = [text[start : start + LONGEST_TEXT] for start in range(0, len(text), LONGEST_TEXT)]
+    severity, several = mavlink.MAV_SEVERITY_CRITICAL, int(len(parts) > 1)
+    return [
+        mavlink.MAVLink_statustext_message(severity, part, several, number)
+        for number, part in enumerate(parts)
+    ]

@@ -82,6 +82,8 @@ class Conditions:
     """Heading hold of the yaw gyros of helicopters: yaw rate that they ask for per turn that they missed."""
     gyro_drift_rad_s: float = 0.0
     """Drifting offset of these gyros, root mean square, with a correlation time of a minute."""
+    brushless: bool = False
+    """Whether emulated Crazyflies have motors that are armed on request and checked while they spin up."""
     dropout_fraction: float = 0.0
     """Fraction of the frames in which the Tracker misses a vehicle."""
     substep_s: float = 0.002

@@ -31,17 +31,17 @@ def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
     raise ValueError(f"{radio.protocol.name}: no module is emulated")
 
 
-def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:
+def radio_end_of(port: str, radio: SimulatedRadio, start_s: float, brushless: bool = False) -> RadioEnd:
     """Emulated radio of a vehicle at a port; raises `OSError` if the port cannot be used."""
     if isinstance(radio.protocol, SetPointRadio):
-        vehicle = _vehicle_of(radio.protocol, start_s)
+        vehicle = _vehicle_of(radio.protocol, start_s, brushless)
         return VehicleUdp(udp_address(port), vehicle) if port.startswith(UDP) else VehicleOnAir(port, vehicle)
     return RadioPty(port, RadioLink(module_of(radio, start_s), Receiver(radio.model_match)))
 
 
-def _vehicle_of(protocol: SetPointRadio, start_s: float) -> UdpVehicle:
+def _vehicle_of(protocol: SetPointRadio, start_s: float, brushless: bool) -> UdpVehicle:
     if isinstance(protocol, CrazyflieProtocol):
-        return Crazyflie(protocol.settings, start_s)
+        return Crazyflie(protocol.settings, start_s, arms_itself=not brushless)
     # Its library is an extra.
     from rcopterx.radios.mavlink import MavlinkProtocol
     from rcopterx.simulator.autopilot import EmulatedAutopilot

@@ -19,7 +19,8 @@ class SimulatedRoom:
         self, vehicles: tuple[SimulatedVehicle, ...], conditions: Conditions, seed: int, start_s: float
     ) -> None:
         self.vehicles = vehicles
-        self.radios = {one.name: radio_end_of(one.port, one.radio, start_s) for one in vehicles}
+        brushless = conditions.brushless
+        self.radios = {one.name: radio_end_of(one.port, one.radio, start_s, brushless) for one in vehicles}
         bodies = {one.name: self.radios[one.name].reception.body_of(one.model) for one in vehicles}
         starts = {one.name: one.start for one in vehicles}
         conditions = replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M))

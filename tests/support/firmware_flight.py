@@ -90,8 +90,8 @@ class FirmwareFlight:
         self.room.close()
 
     def hover(self, height_m: float = 0.8) -> None:
-        """Take off and reach the height."""
-        self.run(4.0)
+        """Wait for the start of the firmware, take off and reach the height."""
+        self.run(22.0)
         answer = self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s)
         assert answer.accepted, (answer.reason, self.transmitter.link(self.now_s).text)
         self.run(0.1)

@@ -8,8 +8,17 @@ import pytest
 from firmware_bench import FirmwareBench
 
 from rcopterx.radios.mavlink import MavlinkProtocol
-from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
-from rcopterx.simulator.autopilot import LAND, LOITER, LOSS_S, EmulatedAutopilot
+from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
+from rcopterx.simulator.autopilot import (
+    CONSISTENT_S,
+    GCS_LOSS_S,
+    LAND,
+    LANDING,
+    LOITER,
+    LOSS_S,
+    PAUSE_S,
+    EmulatedAutopilot,
+)
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput, State
 
@@ -42,7 +51,8 @@ class Bench(FirmwareBench):
         super().live()
 
     def fly(self) -> None:
-        assert not any(self.run(2.5, 0.0))
+        boots_s = 0.0 if self.settings.mode == "offboard" else CONSISTENT_S
+        assert not any(self.run(max(2.5, boots_s + 1.5 - self.now_s), 0.0))
         assert self.request(Action.ARM), self.module
         self.run(3.5)
         assert self.state is State.ARMED, self.module
@@ -135,6 +145,30 @@ def test_a_gateway_that_dies_leaves_a_vehicle_that_lands_by_itself(bench: Bench)
     assert bench.vehicle.mode == LAND
     assert bench.pulses_us[1:4] == pytest.approx((1500.0, 1500.0, 1500.0))
     assert bench.motors_run
+
+
+def test_an_ardupilot_that_has_just_booted_is_not_ready_and_says_why() -> None:
+    bench = Bench(mode="guided_nogps")
+    bench.run(3.0, 0.0)
+    assert not bench.request(Action.ARM)
+    assert bench.module == "the autopilot would refuse to arm: PreArm: Accels inconsistent"
+    bench.fly()
+
+
+def test_an_ardupilot_whose_gateway_dies_keeps_its_tilt_then_hovers_level_then_lands() -> None:
+    bench = Bench(mode="guided_nogps")
+    bench.fly()
+    hover_us, died_s = bench.pulses_us[0], bench.now_s
+    seen: dict[float, tuple[float, ...]] = {}
+    while bench.now_s < died_s + GCS_LOSS_S + PAUSE_S + 1.0:
+        bench.now_s += 0.02
+        bench.live()
+        seen[bench.now_s - died_s] = bench.pulses_us
+    tilted = [after_s for after_s, pulses_us in seen.items() if abs(pulses_us[2] - 1500.0) > 1.0]
+    assert max(tilted) == pytest.approx(0.5, abs=0.05), "GUID_TIMEOUT"
+    sinking = [after_s for after_s, pulses_us in seen.items() if pulses_us[0] < hover_us - 10.0]
+    assert min(sinking) == pytest.approx(GCS_LOSS_S + PAUSE_S, abs=0.05)
+    assert bench.vehicle.mode == LANDING[ARDUPILOT]
 
 
 def test_a_pilot_who_changes_the_mode_keeps_the_vehicle(bench: Bench) -> None:
