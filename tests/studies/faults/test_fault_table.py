@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 
 from rcopterx.deploy.processes.table import processes_of
+from rcopterx.deploy.roles.simulator import conditions_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.acceptance.flight import DEFAULT_FLEET
@@ -40,6 +41,26 @@ def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> Non
                 assert (row.take_off.vehicle, row.take_off.after_s) == (name, after_s)
                 assert (row.allowed.height_m, row.allowed.touchdown_m_s) == (0.15, 1.0)
                 assert not row.launched
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "settings"),
+    [
+        ("crazyflies", "crazyflie", {}),
+        ("brushless", "crazyflie", {}),
+        ("ardupilots", "mavlink_quadrotor", {"mode": "guided_nogps"}),
+        ("px4", "mavlink_quadrotor", {}),
+        ("betaflights", "betaflight", {}),
+    ],
+)
+def test_every_type_that_laboratories_own_has_a_fleet_that_flies_the_rows(
+    name: str, kind: str, settings: dict[str, str]
+) -> None:
+    fleet = load_fleet(TYPES_FILE.with_name(f"three_{name}.toml"))
+    assert [vehicle.type for vehicle in fleet.vehicles.values()] == 3 * [kind]
+    assert all(vehicle.transmitter.settings == settings for vehicle in fleet.vehicles.values())
+    assert conditions_of(fleet).brushless is (name == "brushless")
+    assert {*fleet.vehicles} == {*FLEET.vehicles}
 
 
 def test_there_are_at_least_sixty_faults_and_no_name_twice() -> None:
