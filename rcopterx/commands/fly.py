@@ -107,8 +107,9 @@ def fly(
         raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
+    study: Any = added("fly", "fly --faults") if faults else None
     if show_list and faults:
-        _faults().list_faults()
+        study.list_faults()
         return
     if show_list:
         from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
@@ -120,16 +121,11 @@ def fly(
     rows = [] if faults or chaos else _chosen(names or [], every)
     _make_directory(report)
     if faults:
-        _faults().fly_faults(names or [], runs, options)
+        study.fly_faults(names or [], runs, options)
     elif chaos:
-        _faults("fly chaos").fly_chaos(seconds, seed, busy, options)
+        added("fly", "fly chaos").fly_chaos(seconds, seed, busy, options)
     else:
         _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
-
-
-def _faults(command: str = "fly --faults") -> Any:
-    """Import what flies faults."""
-    return added("fly", command)
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:
