@@ -2,7 +2,11 @@
 
     python -m rcopterx_studies.faults.matrix DIRECTORY docs/safety.md
 
-writes the matrix of a report directory between the marks of the page.
+writes the matrix of a report directory between the marks of the page, and
+
+    python -m rcopterx_studies.faults.matrix px4=DIRECTORY ardupilots=DIRECTORY ... docs/safety.md
+
+the shorter one of types of vehicles, a column for each.
 """
 
 import json
@@ -22,6 +26,8 @@ from rcopterx_studies.faults.table import FAULT_FLIGHTS
 REPORT_NAME: Final = "faults.json"
 BEGIN: Final = "<!-- fault flights: begin -->\n"
 END: Final = "<!-- fault flights: end -->"
+TYPES_BEGIN: Final = "<!-- faults of types: begin -->\n"
+TYPES_END: Final = "<!-- faults of types: end -->"
 HEADINGS: Final = (
     "fault", "what is done", "promise", "seen", "off its place, at most [mm]",
     "without a fresh command, at most [ms]", "touchdown, at most [m/s]",
@@ -112,18 +118,44 @@ def _runs(report: Report) -> str:
     return "1 flight" if runs == 1 else f"{runs} flights, {report['passed']} passed"
 
 
-def main(directory: str, page: str) -> None:
-    """Write the matrix of a report directory into a page of the documentation."""
-    path = Path(page)
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise SystemExit(f"{page}: the marks of the matrix are missing")
-    matrix = markdown_of(read_reports(Path(directory)))
-    path.write_text(before + begin + matrix + end + after, encoding="utf-8")
+def markdown_of_types(types: Mapping[str, Mapping[str, Report]]) -> str:
+    """Return the matrix of types: figures of the rows that one of them has flown."""
+    rows = [row for row in FAULT_FLIGHTS if any(row in reports for reports in types.values())]
+    lines = [_line(("fault", *types)), _line(["---"] * (1 + len(types)))]
+    for row in rows:
+        lines.append(_line((f"`{row}`", *(_figures(reports.get(row)) for reports in types.values()))))
+    return "\n".join(lines) + "\n"
+
+
+def _figures(report: Report | None) -> str:
+    """Largest deviation of vehicles that fly on, and hardest touchdown."""
+    if report is None:
+        return "not flown"
+    *_, off_mm, _, touchdown_m_s = cells(report)
+    figures = [f"{off_mm} mm"] * bool(off_mm) + [f"{touchdown_m_s} m/s"] * bool(touchdown_m_s)
+    return ("**failed** " if report["verdict"] == "failed" else "") + ", ".join(figures)
+
+
+def main(*arguments: str) -> None:
+    """Write the matrix of a report directory, or of one for each of some types, into a page."""
+    *directories, page = arguments
+    if len(directories) == 1 and "=" not in directories[0]:
+        _write_between(Path(page), BEGIN, END, markdown_of(read_reports(Path(directories[0]))))
+        return
+    pairs = [text.partition("=") for text in directories]
+    types = {name: read_reports(Path(directory)) for name, _, directory in pairs}
+    _write_between(Path(page), TYPES_BEGIN, TYPES_END, markdown_of_types(types))
+
+
+def _write_between(path: Path, begin: str, end: str, text: str) -> None:
+    before, found, rest = path.read_text(encoding="utf-8").partition(begin)
+    _, ended, after = rest.partition(end)
+    if not found or not ended:
+        raise SystemExit(f"{path}: the marks of the matrix are missing")
+    path.write_text(before + begin + text + end + after, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
+    if len(sys.argv) < 3:
         raise SystemExit(__doc__)
     main(*sys.argv[1:])
