@@ -32,6 +32,7 @@ from support.udp import udp_paths
 
 NAME = "h1"
 FRAME_S, STEPS = 0.02, 4
+LANDED_S, FORCED_S = 15.0, 3.0
 FILE = """
 name = "firmware"
 [hosts.main]
@@ -100,6 +101,16 @@ class FirmwareFlight:
         assert self.pilot.guidance.phase is Phase.FLYING, self.transmitter.link(self.now_s).text
         self.yaw_rad.clear()
         self.places_m.clear()
+
+    def land(self) -> None:
+        """Land and disarm, as `land` does."""
+        self.pilot.guidance.land(self.pilot.estimate, self.pilot.clock.time_s)
+        for _ in range(round(LANDED_S / FRAME_S)):
+            self.run(FRAME_S)
+            if self.pilot.guidance.phase is Phase.ARMED:
+                break
+        self.transmitter.request(ActionRequest(Action.DISARM, "operator"), self.now_s)
+        self.run(FORCED_S)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / FRAME_S)):

@@ -1,4 +1,4 @@
-"""Promises of emulated autopilots: they turn as slowly as measured, and their type hovers all the same."""
+"""Promises of flights of emulated autopilots: they turn as slowly as measured, hover, land and are identified."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -51,6 +51,21 @@ def test_yaw_numbers_of_a_quick_vehicle_swing_as_both_firmwares_did(mode: str) -
     flight.run(20.0)
     flight.close()
     assert flight.heading_rms_rad > math.radians(8.0), "15 to 18 degrees were measured"
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("seed", range(10))
+def test_twenty_landings_end_disarmed(mode: str, seed: int) -> None:
+    flight = FirmwareFlight("mavlink_quadrotor", f'{{ mode = "{mode}" }}', seed=seed)
+    flight.hover()
+    flight.land()
+    link = flight.transmitter.link(flight.now_s)
+    assert flight.plant.on_floor
+    assert not flight.plant.motors_running
+    assert link.armed is False
+    assert link.text.startswith("ready")
+    flight.close()
 
 
 def inline(parameters: Mapping[str, Any]) -> str:
