@@ -9,14 +9,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Final
 
-from rcopterx.radios.crazyradio import (
-    ACKNOWLEDGED,
-    LONGEST_ANSWER,
-    RETRIES,
-    SET_ADDRESS,
-    SET_CHANNEL,
-    SET_RATE,
-)
+from rcopterx.radios import crazyradio as usb
 from rcopterx.radios.crtp import RadioAddress
 
 PACKET_S: Final = 1 / 1300
@@ -46,11 +39,11 @@ class EmulatedDongle:
     def ctrl_transfer(self, kind: int, request: int, value: int, index: int, data: bytes | None) -> int:  # noqa: ARG002 - the signature is that of pyusb
         """Configure the dongle."""
         self._owed_s += SETTING_S
-        if request == SET_CHANNEL:
+        if request == usb.SET_CHANNEL:
             self._channel = value
-        elif request == SET_RATE:
+        elif request == usb.SET_RATE:
             self._rate = value
-        elif request == SET_ADDRESS:
+        elif request == usb.SET_ADDRESS:
             self._address = data or b""
         return 0
 
@@ -59,12 +52,12 @@ class EmulatedDongle:
         place = place_of(
             self._laboratory, RadioAddress(self._number, self._channel, self._rate, self._address)
         )
-        lost = next((count for count in range(1 + RETRIES) if self._random() >= LOST), None)
+        lost = next((count for count in range(1 + usb.RETRIES) if self._random() >= LOST), None)
         answer = None if lost is None else self._exchange(place, data)
-        repeated = RETRIES if lost is None or answer is None else lost
+        repeated = usb.RETRIES if lost is None or answer is None else lost
         self._sleep(self._owed_s + PACKET_S + repeated * REPETITION_S)
         self._owed_s = 0.0
-        self._received = [repeated << 4 | (answer is not None and ACKNOWLEDGED), *(answer or b"")]
+        self._received = [repeated << 4 | (answer is not None and usb.ACKNOWLEDGED), *(answer or b"")]
         return len(data)
 
     def _exchange(self, place: str, data: bytes) -> bytes | None:
@@ -79,7 +72,7 @@ class EmulatedDongle:
         except OSError:
             return None
         try:
-            return vehicle.recv(LONGEST_ANSWER)
+            return vehicle.recv(usb.LONGEST_ANSWER)
         except BlockingIOError:
             return b""
 

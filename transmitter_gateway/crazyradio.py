@@ -11,22 +11,7 @@ from threading import Condition, RLock, Thread
 from typing import Final
 
 from rcopterx.bus.clock import REAL_TIME, Clock
-from rcopterx.radios.crazyradio import (
-    ACKNOWLEDGED,
-    FULL_POWER,
-    IN,
-    LONGEST_ANSWER,
-    OUT,
-    RETRIES,
-    SET_ADDRESS,
-    SET_CHANNEL,
-    SET_POWER,
-    SET_RATE,
-    SET_RETRIES,
-    TIMEOUT_MS,
-    TO_DEVICE,
-    UsbDevice,
-)
+from rcopterx.radios import crazyradio as usb
 from rcopterx.radios.crtp import RadioAddress, joined, separated
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
@@ -46,7 +31,7 @@ class Crazyradio:
 
     def __init__(
         self,
-        find: Callable[[], UsbDevice],
+        find: Callable[[], usb.UsbDevice],
         now: Callable[[], float] = REAL_TIME.now,
         *,
         at_once: bool = False,
@@ -56,7 +41,7 @@ class Crazyradio:
         self._ports: list[CrazyradioPort] = []
         self._changed = Condition()
         self._thread: Thread | None = None
-        self._device: UsbDevice | None = None
+        self._device: usb.UsbDevice | None = None
         self._tuned: RadioAddress | None = None
         self._taken_s: deque[float] = deque(maxlen=TIMED)  # by the newest packets
 
@@ -115,8 +100,8 @@ class Crazyradio:
 
     def _open(self) -> None:
         self._device = device = self._find()
-        device.ctrl_transfer(TO_DEVICE, SET_POWER, FULL_POWER, 0, None)
-        device.ctrl_transfer(TO_DEVICE, SET_RETRIES, RETRIES, 0, None)
+        device.ctrl_transfer(usb.TO_DEVICE, usb.SET_POWER, usb.FULL_POWER, 0, None)
+        device.ctrl_transfer(usb.TO_DEVICE, usb.SET_RETRIES, usb.RETRIES, 0, None)
         self._tuned, self.problem = None, None
 
     def _serve(self) -> None:
@@ -133,33 +118,33 @@ class Crazyradio:
         while [port for port in self._ports if self._exchange(self._device, port)]:
             pass
 
-    def _exchange(self, device: UsbDevice, port: "CrazyradioPort") -> bool:
+    def _exchange(self, device: usb.UsbDevice, port: "CrazyradioPort") -> bool:
         """Send one packet of a port, and pass on what the vehicle answers."""
         packet = port.next_packet()
         if packet is None:
             return False
         began_s = self._now()
         self._tune(device, port.address)
-        device.write(OUT, packet, TIMEOUT_MS)
-        status, *answer = device.read(IN, LONGEST_ANSWER, TIMEOUT_MS) or [0]
+        device.write(usb.OUT, packet, usb.TIMEOUT_MS)
+        status, *answer = device.read(usb.IN, usb.LONGEST_ANSWER, usb.TIMEOUT_MS) or [0]
         self._taken_s.append(self._now() - began_s)
         port.deliver(status, bytes(answer))
         return True
 
-    def _tune(self, device: UsbDevice, wanted: RadioAddress) -> None:
+    def _tune(self, device: usb.UsbDevice, wanted: RadioAddress) -> None:
         tuned = self._tuned
         self._tuned = None
         if tuned is None or tuned.channel != wanted.channel:
-            device.ctrl_transfer(TO_DEVICE, SET_CHANNEL, wanted.channel, 0, None)
+            device.ctrl_transfer(usb.TO_DEVICE, usb.SET_CHANNEL, wanted.channel, 0, None)
         if tuned is None or tuned.rate != wanted.rate:
-            device.ctrl_transfer(TO_DEVICE, SET_RATE, wanted.rate, 0, None)
+            device.ctrl_transfer(usb.TO_DEVICE, usb.SET_RATE, wanted.rate, 0, None)
         if tuned is None or tuned.address != wanted.address:
-            device.ctrl_transfer(TO_DEVICE, SET_ADDRESS, 0, 0, wanted.address)
+            device.ctrl_transfer(usb.TO_DEVICE, usb.SET_ADDRESS, 0, 0, wanted.address)
         self._tuned = wanted
 
 
 @cache
-def crazyradio(number: int, find: Callable[[int], UsbDevice], clock: Clock) -> Crazyradio:
+def crazyradio(number: int, find: Callable[[int], usb.UsbDevice], clock: Clock) -> Crazyradio:
     """Return the dongle that all ports of this process with this number share."""
     return Crazyradio(lambda: find(number), clock.now, at_once=clock.lockstep)
 
@@ -228,7 +213,7 @@ class CrazyradioPort(Port):
 
     def deliver(self, status: int, answer: bytes) -> None:
         """Take the dongle's status of a packet and the vehicle's answer to it."""
-        acknowledged = bool(status & ACKNOWLEDGED)
+        acknowledged = bool(status & usb.ACKNOWLEDGED)
         with self._lock:
             self.counters["packets repeated"] += status >> 4
             self.counters["packets acknowledged" if acknowledged else "packets not acknowledged"] += 1

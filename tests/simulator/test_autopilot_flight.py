@@ -1,4 +1,4 @@
-"""Promises of flights of emulated autopilots: they turn as slowly as measured, hover, land and are identified."""
+"""Promises of flights of emulated autopilots: they turn as slowly as measured, hover and land."""
 
 import math
 from collections.abc import Iterator, Mapping
