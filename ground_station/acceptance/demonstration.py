@@ -20,6 +20,10 @@ TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
 KNOWN_S = 1.0  # by then a set point is in the leader's status, which is published at 5 Hz
 POLL_S = 0.2
+GO_ON = (
+    "reset what is killed and take off again on the page, or by rcopterx reset and rcopterx takeoff; "
+    "Ctrl-C ends"
+)
 HEADINGS = (
     "vehicle", "task", "error [mm]\nrms / max", "missed\nperiods", "solver [ms]\np50 / p99", "fallbacks",
 )  # fmt: skip
@@ -43,26 +47,43 @@ class Demonstration:
         self.problem: str | None = None  # what ended it early
 
     def fly(self, seconds: float | None) -> None:
-        """Take off and fly, for a time or without end."""
+        """Take off and fly, for a time or without end; without end it stays up whatever ends the flight."""
         try:
             with stopped_by(self._stop):
                 self._fleet.wait_ready()
-                self._fleet.take_off()
-            started_s = self._clock()
-            self._end_s = math.inf if seconds is None else started_s + seconds
-            self._recorder.start()
             try:
-                for turns in count():
-                    fly_paper_sequence(
-                        self._fleet, lambda _: None, self._wait_or_stop, turns * TURNS_PER_SEQUENCE
-                    )
-            finally:
-                self._flown_s = self._clock() - started_s
-                self._recording = self._recorder.stop()
+                self._take_off_and_fly(seconds)
+            except StoppedError:
+                raise
+            except FLIGHT_ERRORS as error:
+                if seconds is not None:
+                    raise
+                self._say(f"{error}; {GO_ON}")
+                self._stay()
         except StoppedError:
             return
         except FLIGHT_ERRORS as error:
             self.problem = str(error)
+
+    def _take_off_and_fly(self, seconds: float | None) -> None:
+        with stopped_by(self._stop):
+            self._fleet.take_off()
+        started_s = self._clock()
+        self._end_s = math.inf if seconds is None else started_s + seconds
+        self._recorder.start()
+        try:
+            for turns in count():
+                fly_paper_sequence(
+                    self._fleet, lambda _: None, self._wait_or_stop, turns * TURNS_PER_SEQUENCE
+                )
+        finally:
+            self._flown_s = self._clock() - started_s
+            self._recording = self._recorder.stop()
+
+    def _stay(self) -> None:
+        """Wait for the end: people steer."""
+        while True:
+            self._pause(POLL_S)
 
     def _wait_or_stop(self, seconds: float) -> None:
         """Wait between two set points; once another program steers the leader, wait for the end."""
@@ -74,8 +95,7 @@ class Demonstration:
             now = self._task()
             if given is not None and now is not None and now != given:
                 self._say(f"{self._leader} is steered by another program now; Ctrl-C lands")
-                while True:
-                    self._pause(POLL_S)
+                self._stay()
 
     def _pause(self, seconds: float) -> None:
         left_s = self._end_s - self._clock()

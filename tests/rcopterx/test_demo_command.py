@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.commands import launch
@@ -40,6 +40,33 @@ def test_a_demonstration_that_is_stopped_before_take_off_arms_no_vehicle(
     demonstration.fly(None)
     assert demonstration.problem is None
     assert not vehicles["h1"].verbs
+
+
+@pytest.mark.parametrize("verb", ["go_to", "take_off"])
+def test_a_demonstration_stays_up_when_its_flight_ends_and_says_how_to_go_on(
+    fleet: Fleet, vehicles: Vehicles, verb: str
+) -> None:
+    vehicles["h1"].refusals[verb] = "killed"
+    stop, said = threading.Event(), list[str]()
+    demonstration = Demonstration(fleet, stop, said.append)
+    flight = threading.Thread(target=demonstration.fly, args=(None,))
+    flight.start()
+    wait_for(lambda: bool(said), "says nothing")
+    assert flight.is_alive()
+    assert "killed; reset what is killed and take off again" in said[0]
+    stop.set()
+    flight.join(DEADLINE_S)
+    assert not flight.is_alive()
+    assert demonstration.problem is None
+
+
+def test_a_demonstration_for_a_time_ends_with_the_error_of_its_flight(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h1"].refusals["go_to"] = "killed"
+    demonstration = Demonstration(fleet, threading.Event(), print)
+    demonstration.fly(60.0)
+    assert demonstration.problem == "h1: killed"
 
 
 def test_figures_of_a_demonstration_end_with_its_flight(fleet: Fleet, vehicles: Vehicles) -> None:
