@@ -1,19 +1,19 @@
-"""Record the web page of a flight as a picture and a moving picture.
+"""Fly three helicopters from the web page, and record it as a picture and a moving picture.
 
-Needs Chromium and `pip install playwright pillow`:
+Needs Chromium, `pip install 'rcopterx[browser]'`, and an idle computer, since it flies in real time:
 
-    python docs/figures/fly_for_page.py build/flight.json
-    python docs/figures/record_page.py build/flight.json docs/figures/ground
+    python docs/figures/record_page.py docs/figures/ground
 
-The flight is replayed so slowly that a browser without a graphics card draws every picture in time.
+The leader is dragged; `h3` follows another leader; the agent of `h2` is killed and nothing happens.
 """
 
 import io
-import json
+import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -21,66 +21,69 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 from playwright.sync_api import Page, sync_playwright
 
+from rcopterx import Fleet, launched
+
 RCOPTERX = str(Path(sys.executable).with_name("rcopterx"))
 CHROMIUM = "/usr/bin/chromium"
-SOFTWARE_RENDERING = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
-SIZE = {"width": 1100, "height": 620}
-SPEED = 0.1
-"""Of the replay."""
-STARTED_S = 2.0
-"""Until the replay publishes its first message."""
+SOFTWARE_RENDERING = ("--no-sandbox", "--disable-gpu")
+SIZE = {"width": 1280, "height": 720}
 FRAME_S = 0.125
-"""Between two pictures, in the time of the flight."""
-SHOWN = (880, 496)
-CAPTION_AT = (24, 452)
-FINE = "window.__viserTestpoints.devSettings.set({ fixedDpr: 1 })"
+SHOWN = (896, 504)
+CAPTION_AT = (350, 330)
+DRAGGED_PX = (150, -40)
+
+
+class Film:
+    """Pictures of a page with their times and captions."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self.frames: list[tuple[float, Image.Image, str]] = []
+
+    def take(self, caption: str, seconds: float, act: Callable[[float], object] = lambda _: None) -> None:
+        """Take pictures for a time; before each, `act` gets the share of the time that has passed."""
+        begin_s = time.monotonic()
+        while (passed_s := time.monotonic() - begin_s) < seconds:
+            act(passed_s / seconds)
+            picture = Image.open(io.BytesIO(self._page.screenshot())).convert("RGB")
+            self.frames.append((time.monotonic(), picture, caption))
+            self._page.wait_for_timeout(max(0.0, 1000 * (FRAME_S - (time.monotonic() - begin_s - passed_s))))
 
 
 @contextmanager
-def replayed() -> Iterator[str]:
-    """Replay the latest flight; yields the address of its page."""
-    replay = subprocess.Popen([RCOPTERX, "replay", "--speed", str(SPEED)])
-    time.sleep(STARTED_S)
+def page_of() -> Iterator[str]:
+    """Serve the page of the fleet; yields its address."""
     show = [RCOPTERX, "ground", "--port", "8099", "-f", "trio"]
     with subprocess.Popen(show, stdout=subprocess.PIPE, text=True) as ground:
         assert ground.stdout is not None
         try:
             yield ground.stdout.readline().split()[0]
         finally:
-            for process in (ground, replay):
-                process.terminate()
-                process.wait()
+            ground.terminate()
 
 
-def frames_of(page: Page, start_s: float, begin_s: float, end_s: float) -> list[tuple[float, Image.Image]]:
-    """Pictures and their times [s] in the flight, which began at `start_s` of the clock."""
-    frames = []
-    next_s = begin_s
-    while next_s < end_s:
-        time.sleep(max(0.0, start_s + next_s / SPEED - time.monotonic()))
-        now_s = SPEED * (time.monotonic() - start_s)
-        frames.append((now_s, Image.open(io.BytesIO(page.screenshot())).convert("RGB")))
-        next_s = max(now_s, next_s + FRAME_S)
-    return frames
+def drag(film: Film, page: Page, caption: str, by: tuple[float, float]) -> None:
+    """Drag the handle of the leader, release it, and watch."""
+    box = page.locator(".handle:not(.lift)[data-vehicle=h1]").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    film.take(caption, 1.2, lambda share: page.mouse.move(x + share * by[0], y + share * by[1]))
+    page.mouse.up()
+    film.take(caption, 3.0)
 
 
-def record(begin_s: float, end_s: float) -> list[tuple[float, Image.Image]]:
-    """Pictures of the page from one time of the flight to another."""
-    start_s = time.monotonic() + STARTED_S
-    with replayed() as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_RENDERING))
-        page = browser.new_page(viewport=SIZE)
-        page.goto(address)
-        view = page.locator("iframe").element_handle().content_frame()
-        assert view is not None
-        # States look old in a slow replay.
-        view.get_by_role("tab", name="Events").click(timeout=60_000)
-        # What viser says about rendering without a graphics card is not part of the page.
-        view.add_style_tag(content=".mantine-Notification-root { display: none }")
-        view.evaluate(FINE)
-        frames = frames_of(page, start_s, begin_s, end_s)
-        browser.close()
-    return frames
+def fly(film: Film, page: Page, fleet: Fleet) -> None:
+    """What the moving picture shows."""
+    drag(film, page, "h1 is dragged; h2 and h3 anticipate: they know its plan", DRAGGED_PX)
+    page.locator("#rows tr[data-vehicle=h3]").click()
+    page.locator("#selected [name=leader]").select_option("h2")
+    film.take("h3 follows h2 from now on", 2.0)
+    agent = fleet.state_of("h2").agent
+    assert agent is not None
+    os.kill(agent.diagnostics.process, signal.SIGKILL)
+    drag(film, page, "kill -9 of the agent of h2", (-DRAGGED_PX[0], -DRAGGED_PX[1]))
 
 
 def captioned(frame: Image.Image, text: str) -> Image.Image:
@@ -93,26 +96,30 @@ def captioned(frame: Image.Image, text: str) -> Image.Image:
 
 def main() -> None:
     """Write `<name>.png` and `<name>.webp`."""
-    captions = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    name = sys.argv[2]
-    frames = record(captions[0][0], captions[-1][0])
-    shown = [
-        captioned(frame, next(text for at_s, text in reversed(captions) if at_s <= now_s))
-        for now_s, frame in frames
-    ]
-    frames[len(frames) // 2][1].save(f"{name}.png", optimize=True)
-    times_s = [now_s for now_s, _ in frames]
-    durations = [round(1000 * (b - a)) for a, b in pairwise(times_s)] + [1500]
+    name = sys.argv[1]
+    with launched("trio") as fleet, page_of() as address, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_RENDERING))
+        page = browser.new_page(viewport=SIZE)
+        page.goto(address)
+        fleet.take_off()
+        fleet.wait_for_formation()
+        film = Film(page)
+        fly(film, page, fleet)
+        browser.close()
+    frames = film.frames
+    frames[len(frames) // 3][1].save(f"{name}.png", optimize=True)
+    durations = [round(1000 * (after - before)) for (before, *_), (after, *_) in pairwise(frames)]
+    shown = [captioned(frame, text) for _, frame, text in frames]
     shown[0].save(
         f"{name}.webp",
         save_all=True,
         append_images=shown[1:],
-        duration=durations,
+        duration=[*durations, 1500],
         loop=0,
         quality=60,
         method=4,
     )
-    print(f"{len(frames)} frames of {times_s[-1] - times_s[0]:.1f} s")
+    print(f"{len(frames)} frames of {frames[-1][0] - frames[0][0]:.1f} s")
 
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""The web page of a running fleet: 3-D scene, steering, weights, plots, events. Needs viser."""
+"""The web page of a running fleet: scene, rows, steering, weights, plots, events. Needs websockets."""

@@ -1,21 +1,20 @@
-"""The web server of the page, which, unlike viser's, accepts only browsers that have its secret address."""
+"""The web server of the page, which accepts only browsers that have its secret address."""
 
+import asyncio
+import errno
 import hmac
-import io
 import logging
 import os
 import secrets
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
-from dataclasses import replace
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
+from urllib.parse import unquote
 
-import viser
-import websockets.asyncio.server as websocket_server
-from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
@@ -23,95 +22,138 @@ HOST: Final = "127.0.0.1"
 NAMES: Final = (HOST, "localhost")
 """Names under which this computer serves the page; a name that was rebound to its address is another one."""
 KEY_BYTES: Final = 32
-VIEW: Final = "view"  # path of viser below the secret
+FEED: Final = "feed"  # path of the WebSocket below the secret
+DO: Final = "do"  # path of requests below the secret; their content is the query
 FROM_PAGE: Final = "X-Rcopterx"  # header of requests, which only scripts of the page itself can send
+PORTS_TRIED: Final = 100
+END_S: Final = 1.0
 
-Respond = Callable[[ServerConnection, Request], Response | None]
+Stream = Callable[[ServerConnection], Awaitable[None]]
 
 
-class PageServer(viser.ViserServer):
-    """A web server whose address has a secret path, which the script of the page repeats for its WebSocket.
+class RequestRejectedError(Exception):
+    """The page does not carry out a request; the text says why."""
 
-    Cookies would reach other servers of this computer. Raises `RuntimeError`: viser does not use the guard.
+
+class PageServer:
+    """A web server whose address has a secret path, which the scripts of the page repeat in their requests.
+
+    Cookies would reach other servers of this computer. It listens on `port`, or on the next free one; `files`
+    returns contents by name, "" is the document; `stream` sends the state to a browser until it leaves.
     """
 
-    def __init__(self, port: int, label: str, key: str) -> None:
-        # makes the HTML at each path below the secret; viser is at `VIEW`
-        self.pages: dict[str, Callable[[], str]] = {}
-        # called in a thread of its own when the page requests a path
-        self.requests: dict[str, Callable[[], object]] = {}
-        self._key, self._guarded = key, False
-        # The greeting of viser has an address without the secret.
-        with self._guard(), redirect_stdout(io.StringIO()):
-            super().__init__(HOST, port, label=label, verbose=False)
-        if not self._guarded:
-            self.stop()
-            raise RuntimeError("this version of viser has a web server that cannot be protected")
+    def __init__(self, port: int, key: str, files: Callable[[str], bytes | None], stream: Stream) -> None:
+        self._key, self._files, self._stream = key, files, stream
+        self.perform: Callable[[str], Callable[[], object]] | None = None
+        """Decodes a request of a page, or raises `RequestRejectedError`; None while nothing steers."""
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="page", daemon=True)
+        self._thread.start()
+        try:
+            self._server = asyncio.run_coroutine_threadsafe(self._listen(port), self._loop).result()
+        except OSError:
+            self._end_loop()
+            raise
+        self.port: int = self._server.sockets[0].getsockname()[1]
+
+    async def _listen(self, port: int) -> Server:
+        for number in range(port, min(port + PORTS_TRIED, 65536)):
+            try:
+                return await serve(
+                    self._stream, HOST, number, process_request=self._respond, compression=None,
+                    server_header=None,
+                )  # fmt: skip
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+        raise OSError(errno.EADDRINUSE, f"no free port from {port} on")
 
     @property
     def address(self) -> str:
         """Address for browsers, which contains the secret."""
-        return f"http://{HOST}:{self.get_port()}/{self._key}/"
+        return f"http://{HOST}:{self.port}/{self._key}/"
 
-    def request_share_url(self, verbose: bool = True) -> None:
-        """Refuse to open a public tunnel, for which every browser can send a message."""
+    def stop(self) -> None:
+        """Close all connections and stop serving."""
 
-    def _refusal(self, path: str, hosts: list[str], origins: list[str]) -> str | None:
+        async def close() -> None:
+            self._server.close()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._server.wait_closed(), END_S)
+            # Connections without a request would end only after ten seconds.
+            others = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
+
+        asyncio.run_coroutine_threadsafe(close(), self._loop).result()
+        self._end_loop()
+
+    def _end_loop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:  # noqa: ARG002
+        """Answer a request; None for a WebSocket that is accepted."""
+        path, _, query = request.path.partition("?")
+        headers = request.headers
+        key, _, place = path.strip("/").partition("/")
+        refusal = self._refusal(key, headers.get_all("Host"), headers.get_all("Origin"))
+        if refusal is not None:
+            return _text(HTTPStatus.FORBIDDEN, refusal)
+        if place == FEED:
+            return None
+        if place == DO:
+            return self._start(query) if FROM_PAGE in headers else _text(HTTPStatus.FORBIDDEN, NOT_FROM_PAGE)
+        content = self._files(place)
+        return _text(HTTPStatus.FORBIDDEN, WRONG_ADDRESS) if content is None else _file(place, content)
+
+    def _refusal(self, key: str, hosts: list[str], origins: list[str]) -> str | None:
         """Return why a request is refused, by its path and headers; None if it is accepted."""
         if len(hosts) != 1 or hosts[0].rpartition(":")[0] not in NAMES:
             return "the page has no such host name"
         # Programs send no origin, browsers always do when they open a WebSocket.
         if origins not in ([], [f"http://{hosts[0]}"]):
             return "only the page itself may connect"
-        key, _, place = path.partition("/")
-        exists = place == VIEW or place in self.pages or place in self.requests
-        if not exists or not hmac.compare_digest(key.encode(errors="replace"), self._key.encode()):
-            return "the address of the page is the one that `rcopterx ground` has printed"
+        if not hmac.compare_digest(key.encode(errors="replace"), self._key.encode()):
+            return WRONG_ADDRESS
         return None
 
-    @contextmanager
-    def _guard(self) -> Iterator[None]:
-        """Check the requests of every server that the library `websockets` starts in the block."""
-        serve = websocket_server.serve
-
-        def guarded(*arguments: Any, process_request: Respond, **options: Any) -> Any:
-            self._guarded = True
-            return serve(*arguments, process_request=self._before(process_request), **options)
-
-        websocket_server.serve = guarded  # type: ignore[assignment, misc]
+    def _start(self, query: str) -> Response:
+        """Start what a page requests, in a thread of its own."""
+        if self.perform is None:
+            return _text(HTTPStatus.FORBIDDEN, "this page does not steer a fleet")
         try:
-            yield
-        finally:
-            websocket_server.serve = serve  # type: ignore[misc]
-
-    def _before(self, respond: Respond) -> Respond:
-        def checked(connection: ServerConnection, request: Request) -> Response | None:
-            path = request.path.partition("?")[0].strip("/")
-            headers = request.headers
-            refusal = self._refusal(path, headers.get_all("Host"), headers.get_all("Origin"))
-            place = path.partition("/")[2]
-            if refusal is not None:
-                return _response(HTTPStatus.FORBIDDEN, f"{refusal}\n")
-            if place == VIEW:
-                return respond(connection, replace(request, path="/"))
-            if place in self.pages:
-                return _response(HTTPStatus.OK, self.pages[place]())
-            if FROM_PAGE not in headers:
-                return _response(HTTPStatus.FORBIDDEN, "only the page itself may request this\n")
-            threading.Thread(target=self.requests[place], name=place).start()
-            return _response(HTTPStatus.ACCEPTED, "")
-
-        return checked
+            action = self.perform(unquote(query))
+        except RequestRejectedError as error:
+            return _text(HTTPStatus.BAD_REQUEST, str(error))
+        threading.Thread(target=action, name=DO).start()
+        return _text(HTTPStatus.ACCEPTED, "")
 
 
-def _response(status: HTTPStatus, text: str) -> Response:
-    body = text.encode()
-    kind = "text/html" if status == HTTPStatus.OK else "text/plain"
+WRONG_ADDRESS: Final = "the address of the page is the one that `rcopterx ground` has printed"
+NOT_FROM_PAGE: Final = "only the page itself may request this"
+KINDS: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+
+
+def _text(status: HTTPStatus, text: str) -> Response:
+    return _response(status, "text/plain", f"{text}\n".encode())
+
+
+def _file(name: str, content: bytes) -> Response:
+    return _response(HTTPStatus.OK, KINDS[Path(name or "index.html").suffix], content)
+
+
+def _response(status: HTTPStatus, kind: str, body: bytes) -> Response:
     headers = {
         "Cache-Control": "no-store",
         "Connection": "close",
         "Content-Length": str(len(body)),
+        "Content-Security-Policy": "default-src 'self' data:; frame-ancestors 'none'",
         "Content-Type": f"{kind}; charset=utf-8",
+        "Referrer-Policy": "no-referrer",
+        "X-Content-Type-Options": "nosniff",
     }
     return Response(status, status.phrase, Headers(headers), body)
 

@@ -1,56 +1,45 @@
-"""The last minute of every vehicle, for trails and plots."""
+"""The signals of a vehicle over time, for trails, sparklines and plots."""
 
-import math
-from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
-from rcopterx.ground_station.scripting.state import VehicleState
-from rcopterx.vehicles.state import Array
+from rcopterx.ground_station.report.latency import TOTAL
+from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
 
 SAMPLE_S: Final = 0.1
-KEPT_S: Final = 60.0
-COLUMNS: Final = (
-    "x_m", "y_m", "z_m", "reference_x_m", "reference_y_m", "reference_z_m", "error_mm", "solve_ms",
-    "pitch", "roll", "thrust", "yaw",
+KEPT_S: Final = 120.0
+
+
+SIGNALS: Final = (
+    ("x_m", "x", "m", 3), ("y_m", "y", "m", 3), ("z_m", "z", "m", 3), ("heading_deg", "heading", "°", 0),
+    ("reference_x_m", "x of reference", "m", 3), ("reference_y_m", "y of reference", "m", 3),
+    ("reference_z_m", "z of reference", "m", 3), ("error_mm", "error", "mm", 1),
+    ("pitch", "pitch stick", "", 3), ("roll", "roll stick", "", 3), ("thrust", "thrust stick", "", 3),
+    ("yaw", "yaw stick", "", 3), ("solve_ms", "solver, median", "ms", 2), ("voltage_v", "battery", "V", 2),
+    ("latency_ms", "pose to radio, median", "ms", 1),
 )  # fmt: skip
-_UNKNOWN: Final = (math.nan, math.nan, math.nan)
+"""Signals that plots offer: name, label, unit, digits after the point."""
+_UNKNOWN: Final = (None, None, None)
+_NO_STICKS: Final = (None, None, None, None)
 
 
-class History:
-    """Samples of one vehicle; unknown values are NaN."""
-
-    def __init__(self) -> None:
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(KEPT_S / SAMPLE_S))
-        """Time and quantities of each sample."""
-        self.newest_s = -math.inf  # of the newest sample
-
-    def add(self, now_s: float, state: VehicleState, sticks: tuple[float, ...] | None) -> None:
-        """Add a sample unless one was added a moment ago; `sticks` as written to the radio, or None."""
-        if now_s - self.newest_s < SAMPLE_S * 0.9:
-            return
-        self.newest_s = now_s
-        agent, plan = state.agent, state.plan
-        place = state.position_m or _UNKNOWN
-        flown = plan.reference if plan is not None and plan.airborne else None
-        reference = _UNKNOWN if flown is None else flown[:3]
-        error_mm = math.nan if state.error_m is None else 1000.0 * state.error_m
-        solve_ms = math.nan if agent is None else agent.diagnostics.solve_ms_p50
-        self._rows.append((now_s, *place, *reference, error_mm, solve_ms, *(sticks or 4 * (math.nan,))))
-
-    def column(self, name: str) -> Array:
-        """Samples of one quantity of `COLUMNS`, oldest first."""
-        at = 1 + COLUMNS.index(name)
-        return np.array([row[at] for row in self._rows])
-
-    @property
-    def times_s(self) -> Array:
-        """Times of the samples, oldest first."""
-        return np.array([time_s for time_s, *_ in self._rows])
-
-    def trail_m(self, seconds: float) -> Array:
-        """Positions of the last seconds, shape (n, 3), without gaps."""
-        from_s = self.newest_s - seconds
-        recent = np.array([row[1:4] for row in self._rows if row[0] >= from_s]).reshape(-1, 3)
-        return np.asarray(recent[np.isfinite(recent).all(axis=1)])
+def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float | None]:
+    """Values of `SIGNALS`, None where unknown; `sticks` as written to the radio, or None."""
+    agent, plan = state.agent, state.plan
+    flown = plan.reference if plan is not None and plan.airborne else None
+    yaw_rad = None if agent is None else agent.yaw_rad
+    battery = None if state.transmitter is None else state.transmitter.battery
+    values = (
+        *(state.position_m or _UNKNOWN),
+        None if yaw_rad is None else shown_heading_deg(yaw_rad),
+        *(_UNKNOWN if flown is None else flown[:3]),
+        None if state.error_m is None else 1000.0 * state.error_m,
+        *(sticks or _NO_STICKS),
+        None if agent is None else agent.diagnostics.solve_ms_p50,
+        None if battery is None else battery.voltage_v,
+        state.latency_ms.get(TOTAL, {}).get("p50"),
+    )
+    return [
+        None if value is None else round(float(value), digits)
+        for value, (*_, digits) in zip(values, SIGNALS, strict=True)
+    ]

@@ -1,149 +1,177 @@
-"""The page: builds its parts and keeps them up to date."""
+"""The page: serves its files, and keeps browsers up to date."""
 
-from collections.abc import Mapping
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import closing
 from html import escape
+from itertools import count
 from pathlib import Path
 from typing import Final
 
-import viser
-from viser import _messages
-
 from rcopterx.bus import channels
+from rcopterx.bus.session import BusUnreachableError
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page import controls
+from rcopterx.ground_station.page.alarms import AlarmBoard, causes_of
+from rcopterx.ground_station.page.feed import Feed
 from rcopterx.ground_station.page.guard import PageServer
-from rcopterx.ground_station.page.history import History
-from rcopterx.ground_station.page.plots import Plots
-from rcopterx.ground_station.page.scene import FleetScene
+from rcopterx.ground_station.page.history import sample_of
+from rcopterx.ground_station.page.requests import decode
+from rcopterx.ground_station.page.sentences import Words, down_sentence, fleet_sentence, is_down
 from rcopterx.ground_station.page.steering import PageSteering
+from rcopterx.ground_station.page.view import events_shown, fleet_shown, motion_of, row_of
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.joining import WrongFleetError
 from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.ground_station.scripting.waiting import NotReachedError, Stop
 
-HERE: Final = Path(__file__).parent
-
-
-def _text(name: str) -> str:
-    """Content of a file of this folder."""
-    return (HERE / name).read_text("utf-8")
-
-
-def run_once(server: viser.ViserServer, script: str) -> None:
-    """Run a script of this folder once in every browser that connects."""
-    server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(_text(script)))
-
-
+WEB: Final = Path(__file__).parent / "web"
+UPDATE_S: Final = 0.05
 TEXT_S: Final = 0.25
-PLOT_S: Final = 0.5
-NOTICE_S: Final = 6.0
+COMES_UP_S: Final = 15.0  # how long the page waits for a fleet that is being started
+GONE_S: Final = 3.0
+"""How long a fleet is shown as down before the page tries to join it again."""
+NOTICES_KEPT: Final = 5
 
 
 class PageFrame:
-    """The part of the page that loads while the fleet starts, for `FleetPage`; `steers` if not watching.
+    """The served page, which waits for a fleet until `FleetPage` fills it; `steers` if not watching."""
 
-    It begins with a header, the state of the fleet, KILL, take-off and landing, above the frame of viser.
-    Buttons of viser are not reliable enough for KILL: viser loads for seconds, sends one message of its panel
-    in 50 ms and drops the others, sends nothing while it is not connected, and hides buttons when the panel
-    is folded up. The header is complete before viser begins to load, and sends its requests by itself.
-    """
-
-    def __init__(self, server: PageServer, name: str, steers: bool = True) -> None:
-        self.server, self.steers = server, steers
-        self.state = controls.banner(name, (), ["waiting for the fleet to come up"])  # HTML
-        parts = {
-            "name": escape(name),
-            "style": _text("header.css"),
-            "script": (_text("space.js") if steers else "") + _text("header.js"),
-            "requests": _text("requests.html") if steers else "",
+    def __init__(self, port: int, name: str, key: str, steers: bool = True) -> None:
+        self.name, self.steers = name, steers
+        self.feed = Feed()
+        self.show(Words("waiting for the fleet to come up", "off"))
+        self._files = {
+            path.relative_to(WEB).as_posix(): path.read_bytes()
+            for path in WEB.rglob("*")
+            if path.suffix in (".css", ".js")
         }
-        document = _text("header.html")
+        self._document = (WEB / "index.html").read_text("utf-8")
+        self.server = PageServer(port, key, self.file, self.feed.stream)
+
+    def show(self, sentence: Words) -> None:
+        """Show nothing but a sentence, while there is no fleet."""
+        self.sentence = sentence
+        self.feed.put("texts", {"time_s": 0.0, "sentence": sentence, "down": True})
+
+    def file(self, name: str) -> bytes | None:
+        """Content of a file of the page, None if there is none; the document has the present sentence."""
+        if name:
+            return self._files.get(name)
+        parts = {"name": self.name, "sentence": self.sentence.text, "level": self.sentence.level}
+        document = self._document if self.steers else _without_controls(self._document)
         for part, text in parts.items():
-            document = document.replace(f"{{{part}}}", text)
-        server.pages[""] = lambda: document.replace("{state}", self.state)
-        server.pages["state"] = lambda: self.state
-        if steers:
-            run_once(server, "space.js")
-        # Browsers draw less often, without expensive lights, so that the panel reacts: shadows draw
-        # everything twice; preparing reflections blocks the page for 12 s without a graphics card.
-        run_once(server, "drawing.js")
-        server.scene.configure_default_lights(cast_shadow=False)
-        server.scene.configure_environment_map(None)
-        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        server.gui.set_panel_label(f"rcopterx {name}")
+            document = document.replace(f"{{{part}}}", escape(text))
+        return document.encode()
+
+
+def _without_controls(document: str) -> str:
+    """Return the document without the parts between comments `controls`."""
+    kept, *others = document.split("<!--controls-->")
+    return kept + "".join(part.partition("<!--/controls-->")[2] for part in others)
+
+
+def keep_showing(
+    frame: PageFrame, join: Callable[[], Fleet], stop: Stop, patience_s: float = COMES_UP_S
+) -> None:
+    """Show a fleet whenever it is up, until a stop is requested.
+
+    `join` raises `BusUnreachableError` while the fleet is down; after `patience_s` the page says so.
+    """
+    down_s = time.monotonic() + patience_s
+    while not stop.is_set():
+        try:
+            fleet = join()
+        except BusUnreachableError:
+            if time.monotonic() > down_s:
+                frame.show(down_sentence(frame.name))
+        except (WrongFleetError, NotReachedError) as error:
+            frame.show(Words(str(error), "amber"))
+            stop.wait(UPDATE_S)
+        else:
+            down_s = 0.0
+            with closing(fleet):
+                FleetPage(fleet, frame).run(stop)
 
 
 class FleetPage:
     """A running fleet in the browser."""
 
     def __init__(self, fleet: Fleet, frame: PageFrame) -> None:
-        self._fleet = fleet
-        self._server = server = frame.server
-        self._frame = frame
+        self._fleet, self._frame = fleet, frame
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
         fleet.watch_latency()
         fleet.watch_motion()
-        self.histories = {name: History() for name in fleet.file.vehicles}
-        self.timeline = Timeline()
-        self.steering = steering = PageSteering(fleet, self.notify) if frame.steers else None
-        self._next_text_s = self._next_plot_s = 0.0
-        if steering is not None:
-            server.requests.update(
-                kill=steering.kill, take_off=steering.take_off, land=steering.land, reset=steering.reset
-            )
-            server.gui.add_html(controls.suggestions(fleet.file))
-        # Browsers build what they receive first: the panel before the scene.
-        self._add_tabs(server)
-        self.scene = FleetScene(fleet, server, self.steering)
-
-    def _add_tabs(self, server: PageServer) -> None:
-        names = list(self._fleet.file.vehicles)
-        tabs = server.gui.add_tab_group()
-        self.vehicles = {}
-        for name in names:
-            with tabs.add_tab(name):
-                self.vehicles[name] = controls.VehicleControls(server, self._fleet, name, self.steering)
+        self._timeline, self._alarms = Timeline(), AlarmBoard()
+        self._notices: deque[dict[str, object]] = deque(maxlen=NOTICES_KEPT)
+        self._numbers = count(1)
+        self._next_text_s = 0.0
+        self._took_off_s: float | None = None
+        self.down_since_s: float | None = None
+        self.steering = PageSteering(fleet, self.notify) if frame.steers else None
+        frame.feed.put("fleet", fleet_shown(fleet.file, frame.steers))
         if self.steering is not None:
-            with tabs.add_tab("Formation"):
-                controls.add_formation_controls(server, self._fleet, self.steering)
-            with tabs.add_tab("Path"):
-                self.waypoints = controls.Waypoints(server, self._fleet, self.steering)
-        with tabs.add_tab("Plots"):
-            self.plots = Plots(server, names)
-        with tabs.add_tab("Events"):
-            self.events = server.gui.add_html("")
+            frame.server.perform = self._perform
+
+    def run(self, stop: Stop) -> None:
+        """Update the page until a stop is requested, or no process of the fleet has reported for a while."""
+        next_s, clock = time.monotonic(), self._fleet.session.clock
+        while not stop.is_set() and (self.down_since_s is None or clock() - self.down_since_s < GONE_S):
+            self.update(clock())
+            # Late updates are not caught up.
+            next_s = max(next_s + UPDATE_S, time.monotonic())
+            time.sleep(max(0.0, next_s - time.monotonic()))
+        self._frame.server.perform = None
+
+    def _perform(self, text: str) -> Callable[[], object]:
+        """See `PageServer.perform`."""
+        assert self.steering is not None
+        return decode(text, self.steering, self._fleet.file.vehicles)
 
     def notify(self, text: str, refused: bool) -> None:
         """Show an answer in every browser."""
-        for client in self._server.get_clients().values():
-            client.add_notification(
-                "Refused" if refused else "Done",
-                text,
-                color="red" if refused else "green",
-                auto_close_seconds=NOTICE_S,
-            )
+        notice = {"number": next(self._numbers), "time_s": self._fleet.session.clock()}
+        self._notices.append(notice | {"text": text, "refused": refused})
 
     def update(self, now_s: float) -> None:
         """Show the present state; `now_s` is the time of the fleet."""
-        speed = self._fleet.file.clock.speed
         states = {vehicle.name: vehicle.state for vehicle in self._fleet}
-        for name, state in states.items():
-            self.histories[name].add(now_s, state, self._sticks(name))
-        self.timeline.compare(now_s, states)
-        self.scene.update(states, self.histories)
+        feed = self._frame.feed
+        self._timeline.compare(now_s, states)
+        feed.put("motion", {name: motion_of(state, states) for name, state in states.items()})
+        if feed.due(now_s):
+            feed.add_sample(now_s, [sample_of(state, self._sticks(name)) for name, state in states.items()])
         if now_s >= self._next_text_s:
-            self._next_text_s = now_s + speed * TEXT_S
-            self._update_text(now_s, states)
-        if now_s >= self._next_plot_s:
-            self._next_plot_s = now_s + speed * PLOT_S
-            self.plots.update(self.histories)
+            self._next_text_s = now_s + self._fleet.file.clock.speed * TEXT_S
+            feed.put("texts", self._texts(now_s, list(states.values())))
 
-    def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
-        grounded = not any(state.airborne for state in states.values())
-        problems = self._fleet.problems() if grounded else []
-        self._frame.state = controls.banner(self._fleet.file.title, states.values(), problems)
-        with self._server.atomic():
-            for name, state in states.items():
-                self.vehicles[name].show(state)
-            self.events.content = controls.event_list(self.timeline.events, now_s)
+    def _texts(self, now_s: float, states: list[VehicleState]) -> dict[str, object]:
+        """What is written on the page, by names that its scripts read."""
+        down, airborne = is_down(states), any(state.airborne for state in states)
+        self.down_since_s = (self.down_since_s or now_s) if down else None
+        problems = [] if airborne or down else self._fleet.problems()
+        frame = self._frame
+        frame.sentence = down_sentence(frame.name) if down else fleet_sentence(states, problems)
+        shown = {"time_s": now_s, "sentence": frame.sentence, "down": down, "notices": list(self._notices)}
+        if down:
+            return shown
+        causes = [cause for state in states for cause in causes_of(state)]
+        weights = {} if self.steering is None else self.steering.weights
+        return shown | {
+            "killed": any(state.transmitter_state == "killed" for state in states),
+            "flown_s": self._flown_s(now_s, airborne),
+            "recording": ", ".join(sorted({status.state for status in self._fleet.recorders().values()})),
+            "problems": problems,
+            "notes": self._fleet.notes(),
+            "alarms": self._alarms.update(now_s, causes),
+            "rows": {state.name: row_of(state) for state in states},
+            "powers": {name: one.powers for name, one in weights.items()},
+            "events": events_shown(self._timeline.events),
+        }
+
+    def _flown_s(self, now_s: float, airborne: bool) -> float | None:
+        self._took_off_s = (self._took_off_s or now_s) if airborne else None
+        return None if self._took_off_s is None else round(now_s - self._took_off_s)
 
     def _sticks(self, name: str) -> tuple[float, ...] | None:
         inbox = self._applied.inboxes.get(name)

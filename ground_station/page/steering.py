@@ -1,20 +1,28 @@
-"""Requests of the page: every control sends its request from here, and every answer is shown."""
+"""What the page requests of the fleet: every answer is shown."""
 
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Annotated, Final, Literal
 
-from rcopterx.bus.message import Setting
+from msgspec import Meta
+
+from rcopterx.bus.message import Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.ground_station.geometry import link_to
+from rcopterx.ground_station.page.weights import GROUPS, Weights
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 KILL_REASON: Final = "ground station"
-
+SPEED_M_S: Final = 0.4  # along drawn waypoints
+PACE_S: Final = 1.0  # least time between two waypoints
 
 Notice = Callable[[str, bool], None]  # shows a text, and whether it is a refusal
-Place = tuple[float, float, float]
+ShapeName = Literal["line", "column", "wedge", "ring"]
+Group = Literal["position", "velocity", "heading", "sticks"]
+Power = Annotated[float, Meta(ge=-3, le=3)]
+Spacing = Annotated[float, Meta(ge=0.1, le=10)]
 
 
 def _line(count: int, spacing_m: float) -> list[Place]:
@@ -29,7 +37,7 @@ def _ring(count: int, spacing_m: float) -> list[Place]:
     return [(radius_m * math.cos(angle), radius_m * math.sin(angle), 0.0) for angle in angles]
 
 
-SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
+SHAPES: Final[Mapping[ShapeName, Callable[[int, float], list[Place]]]] = {
     "line": _line,
     "column": lambda count, spacing_m: [(-spacing_m * (index + 1), 0.0, 0.0) for index in range(count)],
     "wedge": lambda count, spacing_m: [
@@ -40,7 +48,7 @@ SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
 
 
 def formation_links(
-    shape: str, leader: str, followers: Sequence[str], spacing_m: float
+    shape: ShapeName, leader: str, followers: Sequence[str], spacing_m: float
 ) -> dict[str, LeaderLink]:
     """Links of a formation of `SHAPES`, `spacing_m` apart, in order; offsets turn with the leader."""
     places = SHAPES[shape](len(followers), spacing_m)
@@ -58,6 +66,7 @@ class PageSteering:
         self._notice = notice
         self._busy: set[str] = set()
         self._lock = threading.Lock()
+        self.weights = {name: Weights(fleet, name, self.tune) for name in fleet.file.vehicles}
 
     def run(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
         """Run a request and show its outcome; return its success. Requests of one name `what` exclude."""
@@ -89,9 +98,10 @@ class PageSteering:
 
         self.run("take-off", take_off)
 
-    def land(self, names: Sequence[str] | None = None) -> None:
-        """Land some or all vehicles."""
-        self.run(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
+    def land(self, name: Name | None) -> None:
+        """Land one or all vehicles."""
+        names = None if name is None else [name]
+        self.run(f"landing of {name or 'all'}", lambda: self._fleet.land(names), "landed")
 
     def kill(self) -> None:
         """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
@@ -113,33 +123,48 @@ class PageSteering:
 
         self.run("reset", reset)
 
-    def go_to(self, name: str, position_m: Sequence[float], yaw_rad: float) -> None:
+    def go_to(self, name: Name, place_m: Place, yaw_rad: float) -> None:
         """Send a vehicle to a set point."""
-        place = ", ".join(f"{value:.2f}" for value in position_m)
+        place = ", ".join(f"{value:.2f}" for value in place_m)
         self.run(
             f"set point of {name}",
-            lambda: self._fleet[name].go_to(position_m, yaw_rad),
+            lambda: self._fleet[name].go_to(place_m, yaw_rad),
             f"{name}: on its way to {place} m",
         )
 
-    def follow(self, name: str, links: Sequence[LeaderLink]) -> None:
+    def move(self, name: Name, place_m: Place) -> None:
+        """Send a leader to a place, or give a follower that place beside its leader."""
+        state = self._fleet[name].state
+        if state.agent is None:
+            self.refuse(f"{name} does not report")
+        elif not state.assigned:
+            self.go_to(name, place_m, state.agent.set_point.yaw_rad)
+        else:
+            leader = self._fleet[state.assigned[0].leader].state
+            if leader.agent is None or leader.position_m is None:
+                self.refuse(f"the position of {leader.name} is unknown")
+                return
+            yaw_rad = leader.agent.yaw_rad or 0.0
+            self._follow(name, (link_to(state.assigned[0], place_m, leader.position_m, yaw_rad),))
+
+    def _follow(self, name: str, links: Sequence[LeaderLink]) -> None:
         """Set the leaders of a vehicle, none to let it lead."""
         vehicle = self._fleet[name]
         self.run(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
 
-    def follow_beside(self, name: str, leader: str | None) -> None:
+    def follow(self, name: Name, leader: Name | None) -> None:
         """Let a vehicle follow another one from its present place, or lead."""
         if leader is None:
-            self.follow(name, ())
+            self._follow(name, ())
             return
         own, other = self._fleet[name].state.position_m, self._fleet[leader].state.position_m
         if own is None or other is None:
             self.refuse(f"the position of {name} or {leader} is unknown")
             return
         x, y, z = (round(a - b, 3) for a, b in zip(own, other, strict=True))
-        self.follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
+        self._follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
 
-    def formation(self, shape: str, leader: str, spacing_m: float) -> None:
+    def formation(self, shape: ShapeName, leader: Name, spacing_m: Spacing) -> None:
         """Bring all flying vehicles into a formation behind a vehicle that leads."""
         flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
         if leader not in flying:
@@ -150,13 +175,43 @@ class PageSteering:
             return
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():
-            self.follow(name, (link,))
+            self._follow(name, (link,))
 
-    def promote(self, name: str) -> None:
+    def promote(self, name: Name) -> None:
         """Make a vehicle the leader of its formation."""
         self.run("promotion", lambda: "; ".join(self._fleet.promote(name)))
 
-    def tune(self, name: str, controller: str | None = None, **settings: Setting) -> bool:
+    def tune(self, name: str, controller: str | None, settings: Mapping[str, Setting]) -> bool:
         """Change the controller of a vehicle, or settings of it."""
         vehicle = self._fleet[name]
         return self.run(f"tuning of {name}", lambda: vehicle.tune(controller, None, None, **settings))
+
+    def use_controller(self, name: Name, controller: Name) -> None:
+        """Fly with another controller."""
+        self.tune(name, controller, {})
+
+    def weigh(self, name: Name, powers: dict[Group, Power] | None) -> None:
+        """Fly with the default weights times powers of 2; without powers, as before the last change."""
+        weights = self.weights[name]
+        if powers is None:
+            weights.undo()
+        else:
+            weights.apply(dict.fromkeys(GROUPS, 0.0) | powers)
+
+    def fly_through(self, name: Name, places_m: list[Place]) -> None:
+        """Fly through waypoints from the present position."""
+        # Numerical libraries take longer to import than the rest of the page.
+        from rcopterx.control.references.path_shapes import through
+
+        state = self._fleet[name].state
+        if state.position_m is None or not places_m:
+            self.refuse("click waypoints in the scene first")
+            return
+        before: Sequence[float] = state.position_m
+        yaw_rad = 0.0 if state.agent is None else state.agent.set_point.yaw_rad
+        rows, time_s = [(0.0, *before, yaw_rad)], 0.0
+        for after in places_m:
+            time_s += max(PACE_S, math.dist(before, after) / SPEED_M_S)
+            rows.append((time_s, *after, yaw_rad))
+            before = after
+        self.run(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))

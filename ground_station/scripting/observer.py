@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
+from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Plan, Pose
 from rcopterx.bus.session import Session
@@ -196,6 +197,10 @@ class Observer:
     def launchers(self) -> dict[str, LauncherStatus]:
         """Statuses of the launchers by host, without silent ones."""
         return _alive(self._launchers.inboxes, self.session.clock())
+
+    def recorders(self) -> dict[str, RecorderStatus]:
+        """Statuses of the flight logs by host, without silent ones."""
+        return _alive(self._recorders.inboxes, self.session.clock())
 
     def last_launchers(self) -> dict[str, LauncherStatus]:
         """Last statuses of the launchers by host, also of silent ones."""

@@ -4,32 +4,26 @@ import os
 import subprocess
 import sys
 import threading
-import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 from tempfile import NamedTemporaryFile
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
-    joined_fleet,
     wanted_fleet,
 )
-from rcopterx.commands.interruption import Interrupts, until_ctrl_c
+from rcopterx.commands.interruption import until_ctrl_c
 
-if TYPE_CHECKING:
-    from rcopterx.ground_station.page.page import FleetPage
-
-UPDATE_S = 0.05
 PORT = 8080
 INSTALL = "pip install 'rcopterx[ground]'"
 END_S = 5.0
-COMES_UP_S = 15.0  # how long the page waits for a fleet that is being started
+JOIN_S = 2.0  # longest attempt to join the fleet
 
 
 def ground(
@@ -44,30 +38,29 @@ def ground(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
-    if find_spec("viser") is None:
-        raise failure(f"the web page needs viser: {INSTALL}")
+    if find_spec("websockets") is None:
+        raise failure(f"the web page needs websockets: {INSTALL}")
     from rcopterx.deploy.hosts.run_directory import run_directory
     from rcopterx.deploy.roles.run import end_with_parent
-    from rcopterx.ground_station.page.guard import PageServer, kept_key
-    from rcopterx.ground_station.page.page import FleetPage, PageFrame
+    from rcopterx.ground_station.page.guard import kept_key
+    from rcopterx.ground_station.page.page import PageFrame, keep_showing
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
     end_with_parent()
     file, host = wanted_fleet(fleet)
     directory = run_directory(file.name, file.bus.namespace)
     key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
-    server = PageServer(port, f"rcopterx {file.name}", key)
     try:
-        with until_ctrl_c() as interrupts:
-            # Browsers load the page while a fleet that has just been started comes up.
-            frame = PageFrame(server, file.name, steers=not watch_only)
-            typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
-            with (
-                _opened(server.address) if open_browser else nullcontext(),
-                joined_fleet(file, host, fleet, COMES_UP_S) as running,
-            ):
-                _keep(FleetPage(running, frame), running.session.clock, interrupts)
+        frame = PageFrame(port, fleet or file.name, key, steers=not watch_only)
+    except OSError as error:
+        raise failure(f"the page cannot be served: {error}") from None
+    address = frame.server.address
+    try:
+        with until_ctrl_c() as interrupts, _opened(address) if open_browser else nullcontext():
+            typer.echo(f"{address}  (Ctrl-C ends the page, the fleet goes on)")
+            keep_showing(frame, lambda: Fleet(file, host, JOIN_S), interrupts)
     finally:
-        server.stop()
+        frame.server.stop()
 
 
 @contextmanager
@@ -80,21 +73,11 @@ def _opened(address: str) -> Iterator[None]:
         yield
 
 
-def _keep(page: "FleetPage", clock: Callable[[], float], interrupts: Interrupts) -> None:
-    """Update the page until Ctrl-C."""
-    next_s = time.monotonic()
-    while not interrupts.is_set():
-        page.update(clock())
-        # Late updates are not caught up.
-        next_s = max(next_s + UPDATE_S, time.monotonic())
-        time.sleep(max(0.0, next_s - time.monotonic()))
-
-
 @contextmanager
 def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
     """Serve the page from another process; another thread passes its address or an error to `announce`."""
-    if find_spec("viser") is None:
-        announce(f"no web page: it needs viser: {INSTALL}")
+    if find_spec("websockets") is None:
+        announce(f"no web page: it needs websockets: {INSTALL}")
         yield
         return
     # Without a desktop a text browser would occupy the terminal.

@@ -18,7 +18,7 @@ from radio_support import RadioLog, kill_gateway_in_flight, module
 from support.bus import free_port
 from support.radio_addresses import radio_paths
 
-from rcopterx.ground_station.page.controls import banner
+from rcopterx.ground_station.page.alarms import causes_of
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
@@ -87,10 +87,10 @@ def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_n
     fleet, truth = flying.fleet, Truth(flying)
     fleet.take_off(["h3"], height_m=0.7, timeout_s=40)
 
-    def shown() -> str:
-        return banner("lab", [fleet.state_of("h3")], fleet.problems())
+    def warned() -> bool:
+        return any(cause.text.startswith("low voltage: ") for cause in causes_of(fleet.state_of("h3")))
 
-    fleet.wait_until(lambda: "h3: low voltage: " in shown(), 30, "no warning")
+    fleet.wait_until(warned, 30, "no warning")
     assert fleet.state_of("h3").airborne
     fleet.wait_until(lambda: transmitter_state(flying, "h3") == "land", 30, "does not land")
     assert "battery empty: below 4.165 V for 5 s" in fleet.state_of("h3").reason

@@ -188,8 +188,8 @@ def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: 
         urllib.request.urlopen(line.removeprefix("web page: "), timeout=DEADLINE_S)
 
 
-def test_a_demonstration_without_viser_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_demonstration_without_websockets_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
     told: list[str] = []
     with page_of("trio", told.append):
-        assert told == ["no web page: it needs viser: pip install 'rcopterx[ground]'"]
+        assert told == ["no web page: it needs websockets: pip install 'rcopterx[ground]'"]

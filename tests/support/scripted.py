@@ -21,7 +21,20 @@ READING_S = 0.02
 """Of the clock; that of a fleet is read at every message."""
 PATH_S = 0.5
 """Every trajectory takes as long."""
-VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "fly", "follow", "lead", "excite"]
+VERBS = [
+    "arm",
+    "disarm",
+    "kill",
+    "reset",
+    "take_off",
+    "land",
+    "go_to",
+    "fly",
+    "follow",
+    "lead",
+    "excite",
+    "tune",
+]
 NEXT_PHASE = {"arm": "armed", "take_off": "flying", "land": "armed", "disarm": "ground", "kill": "ground"}
 NEXT_STATE = {"arm": "armed", "disarm": "disarmed", "kill": "killed", "reset": "disarmed"}
 

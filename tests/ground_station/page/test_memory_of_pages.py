@@ -10,7 +10,6 @@ from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.history import KEPT_S
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -20,11 +19,11 @@ PERIOD_S = 0.1
 
 @pytest.fixture
 def page(fleet: Fleet) -> Iterator[FleetPage]:
-    server = PageServer(free_port(), "lab", "key-of-this-test")
+    frame = PageFrame(free_port(), fleet.file.name, "key-of-this-test")
     try:
-        yield FleetPage(fleet, PageFrame(server, fleet.file.name))
+        yield FleetPage(fleet, frame)
     finally:
-        server.stop()
+        frame.server.stop()
 
 
 def test_a_page_keeps_nothing_of_a_flight_but_its_newest_part(

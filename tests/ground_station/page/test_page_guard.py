@@ -1,52 +1,44 @@
 """Promises of the page's web server: only its own pages, at its secret address, reach the fleet."""
 
 import http.client
+import json
 import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from urllib.parse import quote
 
-import msgpack
 import pytest
-import viser
-import zstandard
 from support.bus import free_port
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Origin, Subprotocol
+from websockets.typing import Origin
 
+from rcopterx.ground_station import page
 from rcopterx.ground_station.page.guard import PageServer, kept_key
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-ACCEPTED, FORBIDDEN = 202, 403
+ACCEPTED, BAD, FORBIDDEN = 202, 400, 403
 FROM_PAGE = {"X-Rcopterx": "page"}
-PANEL = {
-    "GuiHtmlMessage", "GuiTabGroupMessage", "GuiDropdownMessage", "GuiButtonMessage", "GuiSliderMessage",
-    "GuiCheckboxMessage", "GuiUplotMessage",
-}  # fmt: skip
-SCENE = {
-    "FrameMessage",
-    "GridMessage",
-    "IcosphereMessage",
-    "LabelMessage",
-    "LineSegmentsMessage",
-    "BoxMessage",
-}
 KEY = "Zm9yIHRlc3RzIG9ubHksIG5vdCByYW5kb20"
 QUIET_S = 0.3
 
 
 @pytest.fixture
-def server() -> Iterator[PageServer]:
-    running = PageServer(free_port(), "lab", KEY)
+def frame() -> Iterator[PageFrame]:
+    running = PageFrame(free_port(), "lab", KEY)
     yield running
-    running.stop()
+    running.server.stop()
+
+
+@pytest.fixture
+def server(frame: PageFrame) -> PageServer:
+    return frame.server
 
 
 @contextmanager
@@ -54,12 +46,11 @@ def connected(
     server: PageServer, path: str | None = None, host: str | None = None, origin: str | None = None
 ) -> Iterator[ClientConnection]:
     """A WebSocket as the script of the page opens it, with some of the request replaced."""
-    port = server.get_port()
+    place = f"{KEY}/feed" if path is None else path
     with connect(
-        f"ws://{f'127.0.0.1:{port}' if host is None else host}/{f'{KEY}/view' if path is None else path}",
-        sock=socket.create_connection(("127.0.0.1", port)),
+        f"ws://{f'127.0.0.1:{server.port}' if host is None else host}/{place}",
+        sock=socket.create_connection(("127.0.0.1", server.port)),
         origin=None if origin is None else Origin(origin),
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
         max_size=None,
     ) as client:
         yield client
@@ -67,7 +58,7 @@ def connected(
 
 def fetched(server: PageServer, path: str, **headers: str) -> tuple[int, bytes]:
     """Status and body of a page; without `Host`, with the header that browsers send."""
-    client = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=60)
+    client = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     client.request("GET", path, headers=headers)
     answer = client.getresponse()
     body = answer.read()
@@ -75,13 +66,17 @@ def fetched(server: PageServer, path: str, **headers: str) -> tuple[int, bytes]:
     return answer.status, body
 
 
+def asked(server: PageServer, what: str, arguments: dict[str, object], **headers: str) -> int:
+    """Status of a request as the page sends it."""
+    content = quote(json.dumps({"do": what, "arguments": arguments}))
+    return fetched(server, f"/{KEY}/do?{content}", **headers)[0]
+
+
 def test_the_page_opens_at_its_address_and_nowhere_else(server: PageServer) -> None:
-    PageFrame(server, "lab")
-    for path in (f"/{KEY}/", f"/{KEY}/view/"):
-        status, body = fetched(server, path)
-        assert status == 200
-        assert b"<html" in body
-    assert server.address == f"http://127.0.0.1:{server.get_port()}/{KEY}/"
+    status, body = fetched(server, f"/{KEY}/")
+    assert status == 200
+    assert b"<html" in body
+    assert server.address == f"http://127.0.0.1:{server.port}/{KEY}/"
     for path in (
         "/",
         "/index.html",
@@ -89,12 +84,54 @@ def test_the_page_opens_at_its_address_and_nowhere_else(server: PageServer) -> N
         f"/{KEY[:-1]}/",
         f"/{KEY}/index.html",
         f"/{KEY}/../index.html",
+        f"/{KEY}/../page.py",
+        f"/{KEY}/vendor/../../page.py",
         "/%ff",
     ):
         status, body = fetched(server, path)
         assert status == FORBIDDEN
         assert b"rcopterx ground" in body
         assert KEY.encode() not in body
+
+
+def test_all_that_the_page_loads_is_served_by_itself_and_is_small(server: PageServer) -> None:
+    document = fetched(server, f"/{KEY}/")[1].decode()
+    assert "http://" not in document
+    assert "https://" not in document
+    folder = Path(page.__path__[0]) / "web"
+    sizes = [len(document)]
+    for path in (path for path in folder.rglob("*") if path.suffix in (".js", ".css")):
+        status, body = fetched(server, f"/{KEY}/{path.relative_to(folder)}")
+        assert (status, body) == (200, path.read_bytes())
+        sizes.append(len(body))
+    assert sum(sizes) < 1_200_000
+
+
+def test_another_page_can_neither_embed_the_page_nor_read_its_address(server: PageServer) -> None:
+    client = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    client.request("GET", f"/{KEY}/")
+    headers = client.getresponse().headers
+    client.close()
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert headers["Cache-Control"] == "no-store"
+
+
+def test_a_port_in_use_is_passed_over() -> None:
+    port = free_port()
+    with socket.create_server(("127.0.0.1", port)):
+        other = PageFrame(port, "lab", KEY)
+        assert other.server.port > port
+        other.server.stop()
+
+
+def test_a_page_ends_at_once_while_browsers_and_strangers_are_connected() -> None:
+    ending = PageFrame(free_port(), "lab", KEY)
+    with socket.create_connection(("127.0.0.1", ending.server.port)), connected(ending.server) as client:
+        client.recv(timeout=60)
+        from_s = time.monotonic()
+        ending.server.stop()
+        assert time.monotonic() - from_s < 4.0
 
 
 def test_a_secret_is_long_random_private_and_kept_for_the_next_page(tmp_path: Path) -> None:
@@ -106,7 +143,7 @@ def test_a_secret_is_long_random_private_and_kept_for_the_next_page(tmp_path: Pa
     assert kept_key(tmp_path / "watch.key") != key
 
 
-@pytest.mark.parametrize("path", ["", "?key=x", "wrong", "wrong/view", f"{KEY}/other"])
+@pytest.mark.parametrize("path", ["", "?key=x", "wrong", "wrong/feed", f"{KEY}x/feed"])
 def test_a_websocket_without_the_secret_is_refused(server: PageServer, path: str) -> None:
     with pytest.raises(InvalidStatus) as refused, connected(server, path):
         pass
@@ -117,7 +154,7 @@ def test_a_websocket_without_the_secret_is_refused(server: PageServer, path: str
     "origin", ["http://evil.example", "http://127.0.0.1:1", "https://127.0.0.1:{port}", "null", "file://"]
 )
 def test_a_foreign_page_that_knows_the_secret_is_refused(server: PageServer, origin: str) -> None:
-    named = origin.format(port=server.get_port())
+    named = origin.format(port=server.port)
     with pytest.raises(InvalidStatus) as refused, connected(server, origin=named):
         pass
     assert refused.value.response.status_code == FORBIDDEN
@@ -125,31 +162,24 @@ def test_a_foreign_page_that_knows_the_secret_is_refused(server: PageServer, ori
 
 @pytest.mark.parametrize("name", ["127.0.0.1", "localhost"])
 def test_pages_of_the_server_itself_connect(server: PageServer, name: str) -> None:
-    host = f"{name}:{server.get_port()}"
+    host = f"{name}:{server.port}"
     with connected(server, host=host, origin=f"http://{host}") as client:
         assert client.recv(timeout=60)
 
 
 @pytest.mark.parametrize("host", ["evil.example:{port}", "127.0.0.1.evil.example:{port}", "evil.example"])
 def test_a_name_that_was_rebound_to_this_computer_is_refused(server: PageServer, host: str) -> None:
-    named = host.format(port=server.get_port())
-    assert fetched(server, f"/{KEY}/view", Host=named)[0] == FORBIDDEN
+    named = host.format(port=server.port)
+    assert fetched(server, f"/{KEY}/feed", Host=named)[0] == FORBIDDEN
     with pytest.raises(InvalidStatus) as refused, connected(server, host=named, origin=f"http://{named}"):
         pass
     assert refused.value.response.status_code == FORBIDDEN
 
 
-def test_the_greeting_of_viser_shows_no_address_without_the_secret(
-    server: PageServer, capsys: pytest.CaptureFixture[str]
-) -> None:
-    PageServer(free_port(), "lab", KEY).stop()
-    assert "http" not in capsys.readouterr().out
-
-
 def test_strangers_leave_no_tracebacks_in_the_terminal(
     server: PageServer, caplog: pytest.LogCaptureFixture
 ) -> None:
-    client = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=60)
+    client = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     client.putrequest("BREW", "/")
     client.endheaders()
     with pytest.raises((OSError, http.client.HTTPException)):
@@ -158,105 +188,68 @@ def test_strangers_leave_no_tracebacks_in_the_terminal(
     assert not [record for record in caplog.records if "handshake" in record.getMessage()]
 
 
-def test_no_public_tunnel_is_opened_at_the_request_of_a_browser(
-    server: PageServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr("viser._viser.ViserTunnel", lambda *arguments: opened.append(arguments))
-    with connected(server) as client:
-        client.send(msgpack.packb({"type": "ShareUrlRequest"}))
-        time.sleep(QUIET_S)
-    assert opened == []
-
-
-def test_a_viser_that_does_not_use_the_guard_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    stopped: list[PageServer] = []
-    monkeypatch.setattr("viser.ViserServer.__init__", lambda *_, **__: None)
-    monkeypatch.setattr("viser.ViserServer.stop", lambda page: stopped.append(page))
-    with pytest.raises(RuntimeError, match="cannot be protected"):
-        PageServer(free_port(), "lab", KEY)
-    assert len(stopped) == 1
-
-
-def messages_of(client: ClientConnection) -> list[dict[str, Any]]:
-    """All messages that a browser receives until the page is complete."""
-    messages: list[dict[str, Any]] = []
-    while not any(message["type"] == "ReplayDoneMessage" for message in messages):
-        data = client.recv(timeout=60)
-        assert isinstance(data, bytes)
-        size = int.from_bytes(data[8:16], "little")
-        packed = zstandard.ZstdDecompressor().decompress(
-            data[16 : 16 + size], max_output_size=int.from_bytes(data[:8], "little")
-        )
-        messages += msgpack.unpackb(packed, strict_map_key=False)["messages"]
-    return messages
-
-
-def press_everything(client: ClientConnection) -> int:
-    """Press every button that a browser has received from viser; return how many."""
-    buttons = [message for message in messages_of(client) if message["type"] == "GuiButtonMessage"]
-    for button in buttons:
-        press = {"type": "GuiUpdateMessage", "updates": {"value": True}, "uuid": button["uuid"]}
-        client.send(msgpack.packb(press))
-    return len(buttons)
-
-
 @pytest.mark.parametrize("steers", [True, False], ids=["control", "watch-only"])
 def test_a_page_that_only_watches_has_nothing_to_press(
-    server: PageServer,
-    fleet: Fleet,
-    vehicles: dict[str, ScriptedVehicle],
-    steers: bool,
+    fleet: Fleet, vehicles: dict[str, ScriptedVehicle], steers: bool
 ) -> None:
-    FleetPage(fleet, PageFrame(server, "lab", steers=steers))
-    assert (b"<button" in fetched(server, f"/{KEY}/")[1]) is steers
-    with connected(server) as client:
-        client.send(msgpack.packb(CAMERA))
-        pressed = press_everything(client)
-        asked = [fetched(server, f"/{KEY}/{what}", **FROM_PAGE)[0] for what in ("land", "kill")]
+    frame = PageFrame(free_port(), "lab", KEY, steers=steers)
+    server = frame.server
+    try:
+        FleetPage(fleet, frame).update(time.monotonic())
+        document = fetched(server, f"/{KEY}/")[1]
+        assert (b'id="kill"' in document) is steers
+        assert (b"kill.js" in document) is steers
+        assert (b'name="land"' in document) is steers
+        statuses = [
+            asked(server, what, arguments, **FROM_PAGE)
+            for what, arguments in (("land", {"name": None}), ("kill", {}))
+        ]
         if steers:
-            assert pressed > 3
-            assert asked == [ACCEPTED, ACCEPTED]
+            assert statuses == [ACCEPTED, ACCEPTED]
             wait_for(lambda: all(one.state == "killed" for one in vehicles.values()), "not killed")
-            wait_for(
-                lambda: not {"land", "kill"} & {one.name for one in threading.enumerate()}, "requests last"
-            )
+            wait_for(lambda: "do" not in {one.name for one in threading.enumerate()}, "requests last")
         else:
-            assert (pressed, asked) == (0, [FORBIDDEN, FORBIDDEN])
+            assert statuses == [FORBIDDEN, FORBIDDEN]
             time.sleep(QUIET_S)
             assert all(one.kills == [] and one.requests == [] for one in vehicles.values())
+    finally:
+        server.stop()
+
+
+def test_what_a_browser_sends_to_the_socket_does_nothing(
+    frame: PageFrame, fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
+) -> None:
+    FleetPage(fleet, frame)
+    with connected(frame.server) as client:
+        client.send(json.dumps({"do": "kill", "arguments": {}}))
+        time.sleep(QUIET_S)
+    assert all(one.kills == [] for one in vehicles.values())
 
 
 def test_a_link_to_a_request_does_nothing(
-    server: PageServer, fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
+    frame: PageFrame, fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
 ) -> None:
-    FleetPage(fleet, PageFrame(server, "lab"))
-    assert fetched(server, f"/{KEY}/kill")[0] == FORBIDDEN
+    FleetPage(fleet, frame)
+    assert asked(frame.server, "kill", {}) == FORBIDDEN
     time.sleep(QUIET_S)
     assert all(one.kills == [] for one in vehicles.values())
 
 
-def test_browsers_receive_state_and_kill_first_then_the_panel_and_then_the_scene(
-    server: PageServer, fleet: Fleet
+def test_a_request_that_the_page_does_not_have_is_answered_with_a_reason(
+    frame: PageFrame, fleet: Fleet
 ) -> None:
-    FleetPage(fleet, PageFrame(server, "lab")).update(time.monotonic())
-    header = fetched(server, f"/{KEY}/")[1].decode()
-    assert (
-        header.index("KILL") < header.index("Take off") < header.index("h1 ground") < header.index("<iframe")
-    )
-    with connected(server) as client:
-        # viser draws the axes of the world by itself.
-        messages = [message for message in messages_of(client) if message.get("name") != "/WorldAxes"]
-    panel = [at for at, message in enumerate(messages) if message["type"] in PANEL]
-    scene = [at for at, message in enumerate(messages) if message["type"] in SCENE]
-    assert len(panel) > 20
-    assert len(scene) > 10
-    assert panel[-1] < scene[0]
+    FleetPage(fleet, frame)
+    assert asked(frame.server, "explode", {}, **FROM_PAGE) == BAD
+    assert asked(frame.server, "land", {"name": "h9"}, **FROM_PAGE) == BAD
 
 
-CAMERA = {
-    "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 1.0], "fov": 1.0,
-    "near": 0.1, "far": 10.0, "image_height": 10, "image_width": 10, "look_at": [1.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}  # fmt: skip
-"""A browser counts as connected once it has sent this."""
+def test_kill_is_refused_and_not_lost_before_the_fleet_is_there(frame: PageFrame) -> None:
+    assert asked(frame.server, "kill", {}, **FROM_PAGE) == FORBIDDEN
+
+
+def test_the_document_has_kill_and_the_state_before_any_script_runs(frame: PageFrame, fleet: Fleet) -> None:
+    assert "waiting for the fleet" in fetched(frame.server, f"/{KEY}/")[1].decode()
+    FleetPage(fleet, frame).update(time.monotonic())
+    document = fetched(frame.server, f"/{KEY}/")[1].decode()
+    assert document.index('id="kill"') < document.index("Take off") < document.index("ready to take off")
+    assert document.index("ready to take off") < document.index("<canvas")

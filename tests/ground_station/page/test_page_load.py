@@ -44,7 +44,6 @@ def test_the_page_of_twelve_vehicles_takes_little_of_a_processor(
     traffic: Traffic, bus_address: BusAddress, tmp_path: Path
 ) -> None:
     client = pytest.importorskip("websockets.sync.client")
-    viser = pytest.importorskip("viser")
     path = tmp_path / "twelve.toml"
     path.write_text(fleet_file_text(bus_address, tuple(traffic.names)))
     port = free_port()
@@ -57,11 +56,7 @@ def test_the_page_of_twelve_vehicles_takes_little_of_a_processor(
     try:
         assert page.stdout is not None
         address = next(line.split()[0] for line in page.stdout if line.startswith("http"))
-        with client.connect(
-            address.replace("http", "ws") + "view",
-            subprotocols=[f"viser-v{viser.__version__}"],
-            max_size=None,
-        ) as browser:
+        with client.connect(address.replace("http", "ws") + "feed", max_size=None) as browser:
             received = [0]
 
             def read() -> None:

@@ -1,6 +1,7 @@
 """Promises of KILL on the page, whatever else is under way."""
 
 import threading
+from types import SimpleNamespace
 
 from support.waiting import wait_for
 
@@ -10,6 +11,8 @@ from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 class Kills:
     """Stands for the fleet: counts kills, which are confirmed as a test wants it."""
+
+    file = SimpleNamespace(vehicles={})
 
     def __init__(self, unconfirmed: int = 0) -> None:
         self.count = 0

@@ -1,0 +1,155 @@
+"""Alarms of the page: causes in words with a remedy, one line for all vehicles that share a cause."""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from msgspec import Struct
+
+from rcopterx.ground_station.page.sentences import Level
+from rcopterx.ground_station.quantities import battery_low, voltage
+from rcopterx.ground_station.scripting.state import VehicleState
+
+GONE_S: Final = 10.0
+"""How long an alarm stays after its cause has ended."""
+UNSEEN_S: Final = 0.2
+"""Time without a pose in flight from which it is an alarm."""
+SLOW: Final = "this computer is too slow for its fleet"
+_SLOW: Final = re.compile(rf"{SLOW}|more agents run on this computer|: a call took longer than \d+ ms")
+CHARGE: Final = "land it, and charge its battery"
+_SLOW_REMEDY: Final = (
+    "end other programs, fly fewer vehicles, or shorten horizons; rcopterx doctor measures it"
+)
+
+_ACTS: Final = {
+    "hold": "its transmitter gateway holds it in place",
+    "land": "its transmitter gateway lands it",
+    "descend": "its transmitter gateway brings it down",
+    "cut": "its motors are cut",
+    "killed": "KILLED",
+}
+_REMEDIES: Final = (
+    ("battery", "charge its battery"),
+    ("landed", "set it down in the volume, and take off again"),
+    ("commands", "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason"),
+    (
+        "planned inputs",
+        "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason",
+    ),
+    ("raw poses", "check that the motion capture sees all its markers, inside the volume"),
+    ("own pose", "check that the motion capture sees all its markers, inside the volume"),
+    ("far outside", "carry it back into the volume"),
+    ("serial link", "plug its radio in again"),
+    ("transmitter not ready", "check its radio: rcopterx check names the problem"),
+    ("lift-off", "charge the battery, check that all motors run, then disarm it"),
+    ("shutting down", "its transmitter gateway has ended: rcopterx up starts it again"),
+    ("killed", "Reset when everybody is clear of the rotors"),
+)
+"""What to do, by what the arbiter's state and reason contain; the first one counts."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why a vehicle, or the whole fleet, needs attention; causes with the same text share a line."""
+
+    text: str
+    level: Level
+    remedy: str = ""
+    vehicle: str = ""
+
+
+class Alarm(Struct, frozen=True):
+    """A line about a cause; `over` for some seconds after it has ended."""
+
+    vehicles: tuple[str, ...]
+    text: str
+    remedy: str
+    level: Level
+    count: int
+    over: bool
+
+
+def causes_of(state: VehicleState) -> Iterator[Cause]:
+    """Yield what needs attention at a vehicle."""
+    name, agent = state.name, state.agent
+    if state.alarming:
+        yield _of_arbiter(state)
+    if state.airborne and state.silent:
+        remedy = "another process takes over, or its transmitter gateway lands it"
+        yield Cause("its agent does not report", "red", remedy, name)
+    if state.airborne and state.seen_age_s is not None and state.seen_age_s > UNSEEN_S and not state.silent:
+        yield Cause("the motion capture does not see it", "amber", "uncover its markers", name)
+    if state.transmitter is not None and state.airborne and battery_low(state):
+        yield Cause(f"low voltage: {voltage(state.transmitter)}", "amber", CHARGE, name)
+    if agent is None:
+        return
+    if agent.following_mode != "follow":
+        mode = agent.following_mode.replace("_", " ")
+        yield Cause(f"its leader is lost: {mode}", "amber", "choose another leader, or land it", name)
+    for remark in agent.diagnostics.remarks:
+        yield _of_remark(remark, name)
+
+
+def _of_arbiter(state: VehicleState) -> Cause:
+    """Cause of a vehicle that its transmitter gateway flies, or whose motors it has cut."""
+    reason, acts = state.reason, _ACTS[state.transmitter_state]
+    safe = state.transmitter_state == "hold" or (
+        state.transmitter_state == "cut" and reason.startswith("landed")
+    )
+    remedy = next((what for key, what in _REMEDIES if key in f"{state.transmitter_state}: {reason}"), "")
+    return Cause(f"{acts}: {reason}", "amber" if safe else "red", remedy, state.name)
+
+
+def _of_remark(remark: str, name: str) -> Cause:
+    if _SLOW.search(remark):
+        return Cause(SLOW, "amber", _SLOW_REMEDY)
+    if remark.startswith("it lands"):
+        return Cause(remark, "red", "wait until it has landed", name)
+    if "battery" in remark:
+        return Cause(remark, "amber", CHARGE, name)
+    return Cause(remark, "amber", "", name)
+
+
+@dataclass
+class _Line:
+    """What is known of a cause."""
+
+    level: Level
+    remedy: str
+    began_s: float
+    seen_s: float
+    count: int = 1
+    vehicles: dict[str, None] = field(default_factory=dict)
+
+
+class AlarmBoard:
+    """Alarms over time: coalesced by cause, counted, gone `GONE_S` after their cause."""
+
+    def __init__(self) -> None:
+        self._lines: dict[str, _Line] = {}
+        self._present: frozenset[str] = frozenset()
+
+    def update(self, now_s: float, causes: Iterable[Cause]) -> Sequence[Alarm]:
+        """Return the alarms at a time: present ones first, red before amber, then by age."""
+        present = set()
+        for cause in causes:
+            line = self._lines.setdefault(cause.text, _Line(cause.level, cause.remedy, now_s, now_s, count=0))
+            if cause.text not in present:
+                line.count += cause.text not in self._present
+                line.vehicles.clear()
+            if cause.vehicle:
+                line.vehicles[cause.vehicle] = None
+            line.seen_s, line.level, line.remedy = now_s, cause.level, cause.remedy
+            present.add(cause.text)
+        self._present = frozenset(present)
+        self._lines = {text: line for text, line in self._lines.items() if now_s - line.seen_s <= GONE_S}
+        alarms = [
+            (text not in present, line.level != "red", line.began_s, text)
+            for text, line in self._lines.items()
+        ]
+        return [self._alarm(text, over) for over, _, _, text in sorted(alarms)]
+
+    def _alarm(self, text: str, over: bool) -> Alarm:
+        line = self._lines[text]
+        return Alarm(tuple(line.vehicles), text, line.remedy, line.level, line.count, over)
