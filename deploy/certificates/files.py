@@ -4,23 +4,17 @@ import os
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.channels import EXTERNAL_INPUT
 from rcopterx.bus.endpoints import Credentials
 from rcopterx.fleet.schema import FleetError, FleetFile
+
+OUTSIDE: Final = {"agent": "agent", "program": EXTERNAL_INPUT.publisher}
+"""Certificates of agents and of programs for external control outside of the hosts: role, by kind of name."""
 
 
 def host_name(host: str) -> str:
     """Return the name of the certificate of a host: of its router and all of its processes."""
     return f"host.{host}"
-
-
-def agent_name(vehicle: str) -> str:
-    """Return the name of the certificate of an agent outside the hosts, for instance a user's program."""
-    return f"agent.{vehicle}"
-
-
-def program_name(vehicle: str) -> str:
-    """Return the name of the certificate of a program that flies a vehicle by external control only."""
-    return f"program.{vehicle}"
 
 
 def people(fleet: FleetFile) -> list[str]:
@@ -31,8 +25,8 @@ def people(fleet: FleetFile) -> list[str]:
 
 def certificate_names(fleet: FleetFile) -> list[str]:
     """Return the names of all certificates of a fleet."""
-    agents, programs = map(agent_name, fleet.vehicles), map(program_name, fleet.vehicles)
-    return [*map(host_name, fleet.hosts), *agents, *programs, *people(fleet)]
+    outside = [f"{kind}.{vehicle}" for kind in OUTSIDE for vehicle in fleet.vehicles]
+    return [*map(host_name, fleet.hosts), *outside, *people(fleet)]
 
 
 AUTHORITY: Final = "authority"

@@ -2,7 +2,7 @@
 
 from rcopterx.bus.access import Seat, Subject
 from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
-from rcopterx.deploy.certificates.files import agent_name, host_name, people, program_name
+from rcopterx.deploy.certificates.files import OUTSIDE, host_name, people
 from rcopterx.fleet.schema import FleetFile
 
 
@@ -11,8 +11,8 @@ def subjects(fleet: FleetFile, here: str) -> list[Subject]:
     steering = operator_seats(fleet)
     found = [Subject(None, host_seats(fleet, here))]
     found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
-    for name, role in ((agent_name, "agent"), (program_name, EXTERNAL_INPUT.publisher)):
-        found += [Subject(name(vehicle), (Seat(role, (vehicle,)),)) for vehicle in fleet.vehicles]
+    for kind, role in OUTSIDE.items():
+        found += [Subject(f"{kind}.{vehicle}", (Seat(role, (vehicle,)),)) for vehicle in fleet.vehicles]
     found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
     return found
 
