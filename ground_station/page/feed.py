@@ -52,9 +52,11 @@ class Feed:
         self._sampled_s = float("-inf")
 
     def put(self, part: str, content: object) -> None:
-        """Replace `motion`, `texts` or `fleet`."""
+        """Replace `motion`, `texts` or `fleet`; samples of another fleet have other vehicles."""
         encoded = Raw(encode(content))
         with self._lock:
+            if part == "fleet":
+                self._samples.clear()
             self._newest[part] = self._newest[part][0] + 1, encoded
 
     def due(self, now_s: float) -> bool:

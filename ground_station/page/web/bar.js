@@ -24,7 +24,10 @@ const notify = ({ text, refused }) => {
 
 link.addEventListener('connection', show);
 link.addEventListener('rejected', ({ detail }) => notify({ text: detail, refused: true }));
-link.addEventListener('fleet', ({ detail }) => write(one('#fleet'), detail.name));
+link.addEventListener('fleet', ({ detail }) => {
+  write(one('#fleet'), detail.name);
+  newest = null; // another process of the page, or another fleet, counts its answers anew
+});
 link.addEventListener('texts', ({ detail: texts }) => {
   shown = texts.sentence;
   show();

@@ -48,6 +48,15 @@ def test_a_browser_gets_the_last_two_minutes_first_and_then_what_is_new() -> Non
     assert received(feed, seen)["samples"] == [[200.0, [None]], [200.1, [7.0]]]
 
 
+def test_samples_of_another_fleet_are_not_sent() -> None:
+    feed = Feed()
+    feed.put("fleet", {"vehicles": ["h1"]})
+    feed.add_sample(1.0, [[1.0]])
+    feed.put("fleet", {"vehicles": ["h1", "h2"]})
+    feed.add_sample(2.0, [[1.0], [2.0]])
+    assert received(feed, Seen())["samples"] == [[2.0, [1.0], [2.0]]]
+
+
 def test_a_slow_browser_skips_states_and_gets_the_newest() -> None:
     feed, seen = Feed(), Seen()
     for number in range(5):

@@ -122,6 +122,22 @@ def test_kill_that_is_pressed_without_a_connection_is_sent_once_there_is_one(
         window.get_by_role("button", name="KILL: cut").wait_for(timeout=30_000)
 
 
+def test_answers_are_shown_also_after_the_page_has_been_started_again(
+    fleet: Fleet, vehicles: Vehicles, open_window: Callable[..., Any]
+) -> None:
+    port = free_port()
+    with served(fleet, port) as address:
+        window = open_window(address, DESKTOP)
+        for _ in range(3):
+            window.get_by_role("button", name="Land", exact=True).click()
+            window.locator(".notice").first.wait_for(timeout=30_000)
+            window.locator(".notice").first.wait_for(state="detached", timeout=30_000)
+    with served(fleet, port):
+        window.get_by_role("button", name="KILL: cut").wait_for(timeout=30_000)
+        window.get_by_role("button", name="Land", exact=True).click()
+        window.locator(".notice").first.wait_for(timeout=10_000)
+
+
 def test_after_kill_the_page_goes_on_and_a_reset_lets_the_fleet_fly_again(
     browse: Browse, vehicles: Vehicles
 ) -> None:
