@@ -83,39 +83,33 @@ def down_sentence(name: str) -> Words:
 
 def fleet_sentence(states: Sequence[VehicleState], problems: Sequence[str]) -> Words:
     """State of a fleet that is up, in one sentence; `problems` prevent its take-off."""
-    killed = [state.name for state in states if state.transmitter_state == "killed"]
-    if len(killed) == len(states):
+    chips = {state.name: chip(state) for state in states}
+    if all(words.text == "KILLED" for words in chips.values()):
         return Words("KILLED: all motors are cut; Reset before the next take-off", "red")
-    flying = [state for state in states if state.airborne]
-    taken = [state.name for state in flying if state.alarming]
-    parts = [f"{', '.join(taken)} brought down by the transmitter gateway"] if taken else []
-    parts += _counted([state for state in flying if not state.alarming])
-    level: Level = "calm"
-    if flying:
-        error_mm = [
-            1000 * state.error_m
-            for state in flying
-            if state.assigned and state.error_m is not None and not state.alarming
-        ]
-        if error_mm:
-            parts.append(f"formation within {max(error_mm):.0f} mm")
-    elif problems:
+    levels = {words.level for words in chips.values()}
+    parts = _named({state.name: chips[state.name].text for state in states if state.alarming})
+    flying = [state for state in states if state.airborne and not state.alarming]
+    error_m = [state.error_m for state in flying if state.assigned and state.error_m is not None]
+    parts += _counted(flying)
+    if error_m:
+        parts.append(f"formation within {1000 * max(error_m):.0f} mm")
+    if problems:
         others = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        parts, level = [f"not ready: {problems[0]}{others}"], "amber"
-    else:
-        armed = [state for state in states if state.phase == Phase.ARMED]
-        parts = _counted(armed) or ["ready to take off"]
-    if killed:
-        parts.append(f"{', '.join(killed)} KILLED")
-    elif any(state.alarming for state in states):
-        parts += [
-            f"{state.name}: {chip(state).text}" for state in states if state.alarming and not state.airborne
-        ]
-    if killed or taken:
-        level = "red"
-    elif any(state.alarming or (state.airborne and (state.silent or battery_low(state))) for state in states):
-        level = "amber"
+        parts, levels = [f"not ready: {problems[0]}{others}"], levels | {"amber"}
+    elif not any(state.airborne for state in states):
+        parts += _counted([state for state in states if state.phase == Phase.ARMED]) or ["ready to take off"]
+    if any(state.airborne and battery_low(state) for state in states):
+        levels.add("amber")
+    level: Level = "red" if "red" in levels else "amber" if "amber" in levels else "calm"
     return Words(", ".join(parts), level)
+
+
+def _named(texts: Mapping[str, str]) -> list[str]:
+    """Names of the vehicles with each text."""
+    return [
+        f"{', '.join(name for name, own in texts.items() if own == text)} {text}"
+        for text in dict.fromkeys(texts.values())
+    ]
 
 
 def _counted(states: Sequence[VehicleState]) -> list[str]:
@@ -129,9 +123,9 @@ def learned(state: VehicleState) -> list[str]:
     if state.agent is None:
         return []
     values = state.agent.diagnostics
-    found = (
-        [] if values.hover_thrust is None else [f"hovers at {100 * values.hover_thrust:.0f} % of the thrust"]
-    )
+    found = []
+    if values.hover_thrust is not None:
+        found.append(f"hovers at {100 * values.hover_thrust:.0f} % of the thrust")
     if values.effort_factor > 1.0:
         found.append(f"oscillated: sticks weigh {values.effort_factor:g} times as much until it is tuned")
     if values.model:

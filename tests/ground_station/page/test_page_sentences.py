@@ -49,12 +49,15 @@ FLYING = [LEADER, follower("h2", 0.021), follower("h3", 0.0324)]
         ([phased(one, "ground") for one in FLYING], ["h2: no pose", "h3: x"],
          "not ready: h2: no pose (and 1 more)", "amber"),
         ([*FLYING[:2], phased(FLYING[2], "emergency", "land", "commands silent")], [],
-         "h3 brought down by the transmitter gateway, 2 fly, formation within 21 mm", "red"),
+         "h3 brought down, 2 fly, formation within 21 mm", "red"),
         ([phased(one, "ground", "killed", "x") for one in FLYING], [],
          "KILLED: all motors are cut; Reset before the next take-off", "red"),
         ([*FLYING[:2], phased(FLYING[2], "ground", "killed", "x")], [],
-         "2 fly, formation within 21 mm, h3 KILLED", "red"),
-        ([*FLYING[:2], replace(FLYING[2], agent_age_s=1.0)], [], "3 fly, formation within 32 mm", "amber"),
+         "h3 KILLED, 2 fly, formation within 21 mm", "red"),
+        ([*FLYING[:2], replace(FLYING[2], agent_age_s=1.0)], [], "3 fly, formation within 32 mm", "red"),
+        ([phased(one, "emergency", "hold", "raw poses") for one in FLYING], [], "h1, h2, h3 held", "amber"),
+        ([*FLYING[:2], phased(FLYING[2], "ground", "cut", "descent over")], [], "h3 motors cut", "red"),
+        ([*FLYING[:2], phased(FLYING[2], "ground", "cut", "landed")], [], "h3 was landed, 2 fly", "amber"),
     ],
 )  # fmt: skip
 def test_the_state_of_a_fleet_is_one_sentence(
