@@ -129,19 +129,14 @@ class EstimatorGuard:
 
     def _attempt(self, call: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
         """Return the result of a call and the estimate after it; None if the call or the estimate fails."""
-        return self.calls.attempt(self._name, STEP_LIMIT_S, _flaw, _estimating, call, self._estimator)
+        own = self._estimator
+        return self.calls.attempt(
+            self._name, STEP_LIMIT_S, lambda found: flaw_of(found[1]), lambda: (call(own), own.estimate)
+        )
 
 
 def _nothing(_: Estimator) -> None:
     """Leave an estimator as it is."""
-
-
-def _estimating(call: Callable[[Estimator], T], estimator: Estimator) -> tuple[T, Estimate]:
-    return call(estimator), estimator.estimate
-
-
-def _flaw(result: tuple[object, Estimate]) -> str | None:
-    return flaw_of(result[1])
 
 
 def _deviation_problem(deviation: Array) -> str | None:

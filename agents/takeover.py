@@ -24,14 +24,8 @@ from rcopterx.bus.messages import LeaseBid, SetPoint
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.bus.stepping import StepBus
+from rcopterx.control.references import set_points
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.set_points import (
-    PathReference,
-    ProfileTransition,
-    ReferenceSource,
-    SetPointReference,
-    TimedPath,
-)
 from rcopterx.formation.law import FollowedLeader, FormationOffset
 from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW, three
@@ -126,7 +120,7 @@ def intent_of(
     `previous` was before the last change. `yaw_rad` has all turns; None before the vehicle has been seen.
     """
     time_s = clock.time_s
-    path = task.source if isinstance(task.source, TimedPath) else None
+    path = task.source if isinstance(task.source, set_points.TimedPath) else None
     (end_m, end_yaw_rad), flown = task.source.end(), configuration.message
     return Intent(
         lease=lease,
@@ -159,18 +153,18 @@ def intent_of(
         estimator_settings=flown.estimator_settings,
         model=flown.model,
         previous=None if previous is None else previous.message,
-        path_requested=isinstance(path, PathReference),
+        path_requested=isinstance(path, set_points.PathReference),
     )
 
 
 def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
     """Return the task of a predecessor, `passed_s` after its publication, on the clock of its successor."""
     published_s = time_s - passed_s
-    source: ReferenceSource = SetPointReference(
+    source: set_points.ReferenceSource = set_points.SetPointReference(
         np.array(intent.set_point.position_m), intent.set_point.yaw_rad
     )
     if intent.path is not None:
-        kind = PathReference if intent.path_requested else ProfileTransition
+        kind = set_points.PathReference if intent.path_requested else set_points.ProfileTransition
         source = kind(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
     assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
     joined: frozenset[str] = frozenset()

@@ -6,18 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rcopterx.vehicles.tuples import Four, Three
-from rcopterx.vicon_gateway.objects import (
-    SDK_TICKS_PER_SECOND,
-    ApplicationInfo,
-    FrameInfo,
-    GlobalSegments,
-    LatencyInfo,
-    ObjectQuality,
-    Segment,
-    SegmentInfo,
-    StreamInfo,
-    SubjectInfo,
-)
+from rcopterx.vicon_gateway import objects as sdk
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
 from rcopterx.vicon_gateway.wire import ObjectType, encode_object
 
@@ -92,18 +81,18 @@ class FrameContent:
         """Payload of an object of the whole stream; None for a type that belongs to subjects."""
         match kind:
             case ObjectType.STREAM_INFO:
-                return StreamInfo(round(SDK_TICKS_PER_SECOND / self._rate_hz)).payload()
+                return sdk.StreamInfo(round(sdk.SDK_TICKS_PER_SECOND / self._rate_hz)).payload()
             case ObjectType.FRAME_INFO | ObjectType.HARDWARE_FRAME_INFO:
-                return FrameInfo(self.frame.frame).payload()
+                return sdk.FrameInfo(self.frame.frame).payload()
             case ObjectType.LATENCY_INFO:
-                return LatencyInfo(self.frame.latency_samples).payload()
+                return sdk.LatencyInfo(self.frame.latency_samples).payload()
             case ObjectType.TIMECODE:
                 return _NO_TIMECODE
             case ObjectType.APPLICATION_INFO:
-                return ApplicationInfo(self._y_up).payload()
+                return sdk.ApplicationInfo(self._y_up).payload()
             case ObjectType.FRAME_RATE_INFO:
                 # Named numbers, as in LatencyInfo.
-                return LatencyInfo((("Hardware", self._rate_hz), ("System", self._rate_hz))).payload()
+                return sdk.LatencyInfo((("Hardware", self._rate_hz), ("System", self._rate_hz))).payload()
             case ObjectType.LABELED_RECONS | ObjectType.UNLABELED_RECONS:
                 return _NO_MARKERS
             case _:
@@ -113,17 +102,19 @@ class FrameContent:
         match kind:
             case ObjectType.GLOBAL_SEGMENTS | ObjectType.LOCAL_SEGMENTS:
                 translation_mm, quaternion = self._pose(body)
-                root = Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
-                return GlobalSegments(subject, (root,)).payload()
+                root = sdk.Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
+                return sdk.GlobalSegments(subject, (root,)).payload()
             case ObjectType.LIGHTWEIGHT_SEGMENTS:
                 return self._light_segments(subject, body)
             case ObjectType.OBJECT_QUALITY:
-                return ObjectQuality(subject, body.quality).payload()
+                return sdk.ObjectQuality(subject, body.quality).payload()
             case ObjectType.SUBJECT_INFO:
                 name = body.root_segment or body.name
-                return SubjectInfo(subject, body.name, (SegmentInfo(0, ROOT_SEGMENT, name),)).payload()
+                return sdk.SubjectInfo(
+                    subject, body.name, (sdk.SegmentInfo(0, ROOT_SEGMENT, name),)
+                ).payload()
             case ObjectType.SUBJECT_TOPOLOGY:
-                return GlobalSegments(subject, (Segment(ROOT_SEGMENT),)).payload()
+                return sdk.GlobalSegments(subject, (sdk.Segment(ROOT_SEGMENT),)).payload()
             case ObjectType.SUBJECT_SCALE:
                 return _SCALE.pack(subject, 0)
             case _:

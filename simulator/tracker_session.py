@@ -4,17 +4,7 @@ from collections.abc import Mapping
 from itertools import chain
 
 from rcopterx.simulator.tracker_frame import FrameContent
-from rcopterx.vicon_gateway.objects import (
-    Contents,
-    Filter,
-    ObjectEnums,
-    Ping,
-    RequestFrame,
-    RequestNextFrame,
-    WireObject,
-    decode_body,
-    packet,
-)
+from rcopterx.vicon_gateway import objects as sdk
 from rcopterx.vicon_gateway.wire import STATIC_TYPES, ObjectType, PacketReader, encode_packet
 
 EMPTY_PACKET = encode_packet()
@@ -43,14 +33,14 @@ class TrackerConnection:
 
     def greeting(self) -> bytes:
         """Return the first packet of the server: its offer."""
-        return packet(ObjectEnums(self.offer))
+        return sdk.packet(sdk.ObjectEnums(self.offer))
 
     def receive(self, data: bytes) -> list[bytes]:
         """Handle bytes of the client; return the packets to send at once, or raise `WireError`."""
         self._reader.feed(data)
         replies: list[bytes] = []
         while (body := self._reader.next_body()) is not None:
-            for item in decode_body(body):
+            for item in sdk.decode_body(body):
                 replies += self._handle(item)
         if self.owed_latest and self.selection and self._latest is not None and not self._latest_sent:
             replies.append(self._frame_packet(self._latest))
@@ -71,22 +61,22 @@ class TrackerConnection:
         """Note a captured frame that cannot be sent because the client does not read."""
         self._latest, self._latest_sent = content, False
 
-    def _handle(self, item: WireObject) -> list[bytes]:
+    def _handle(self, item: sdk.WireObject) -> list[bytes]:
         match item:
-            case ObjectEnums(types):
+            case sdk.ObjectEnums(types):
                 self.selection = types & self.offer
                 self._kinds = tuple([kind for kind in _SEND_ORDER if kind in self.selection])
                 self._sent = {kind: sent for kind, sent in self._sent.items() if kind in self.selection}
-            case RequestFrame(streaming):
+            case sdk.RequestFrame(streaming):
                 self.streaming = streaming
                 self.owed_latest = 0 if streaming else min(self.owed_latest + 1, MAX_OWED_FRAMES)
-            case RequestNextFrame(number):
+            case sdk.RequestNextFrame(number):
                 self.streaming = False
                 self.owed_next = min(self.owed_next + number, MAX_OWED_FRAMES)
-            case Filter(allowed):
+            case sdk.Filter(allowed):
                 self._filter = allowed
-            case Ping() if self.answers_pings:
-                return [packet(item)]
+            case sdk.Ping() if self.answers_pings:
+                return [sdk.packet(item)]
         return []
 
     def _frame_packet(self, content: FrameContent) -> bytes:
@@ -105,7 +95,7 @@ class TrackerConnection:
         if ObjectType.CONTENTS not in self.selection:
             return encode_packet(*parts)
         counts = dict(zip(objects, map(len, present), strict=True))
-        return encode_packet(Contents(counts, unchanged).encode(), *parts)
+        return encode_packet(sdk.Contents(counts, unchanged).encode(), *parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
         """Return the types to leave out; none for a client without the Contents object that names them."""

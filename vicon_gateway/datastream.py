@@ -9,22 +9,8 @@ from typing import Final, NamedTuple
 
 from msgspec import Struct
 
+from rcopterx.vicon_gateway import objects as sdk
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.objects import (
-    ApplicationInfo,
-    Contents,
-    FrameInfo,
-    GlobalSegments,
-    LatencyInfo,
-    ObjectEnums,
-    ObjectQuality,
-    Ping,
-    RequestFrame,
-    Segment,
-    StreamInfo,
-    SubjectInfo,
-    packet,
-)
 from rcopterx.vicon_gateway.rotations import root_pose
 from rcopterx.vicon_gateway.wire import (
     DYNAMIC_TYPES,
@@ -49,7 +35,7 @@ class CarryOver:
 
     def __init__(self) -> None:
         self.payloads: dict[int, list[bytes]] = {}
-        self.contents: Contents | None = None
+        self.contents: sdk.Contents | None = None
 
     def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
         """Apply a packet's objects; True for a frame, with a dynamic object. Raises `WireError`."""
@@ -71,7 +57,7 @@ class CarryOver:
         if payloads is None:
             self.contents = None
             return _NOTHING
-        self.contents = Contents.parse(payloads[0])
+        self.contents = sdk.Contents.parse(payloads[0])
         return self.contents.unchanged
 
 
@@ -133,7 +119,7 @@ class DataStreamSession:
         self._pending: tuple[int, float] | None = None
         self._decoded: dict[int, list[bytes]] = {}
         self._subjects: tuple[_Subject, ...] = ()
-        self._segments: dict[int, tuple[Segment, ...]] = {}
+        self._segments: dict[int, tuple[sdk.Segment, ...]] = {}
         self._qualities: dict[int, float] = {}
         self._latency_s = 0.0  # without that of the network
         self._y_up = False
@@ -185,9 +171,9 @@ class DataStreamSession:
         objects = split_objects(body)
         for kind, payload in objects:
             if kind == ObjectType.OBJECT_ENUMS:
-                self._select(ObjectEnums.parse(payload).types)
+                self._select(sdk.ObjectEnums.parse(payload).types)
             elif kind == ObjectType.PING:
-                self._answered(Ping.parse(payload).number, now_s)
+                self._answered(sdk.Ping.parse(payload).number, now_s)
         if self.offer is None:
             raise WireError("not a DataStream server: the first packet holds no offer")
         if _CARRIED.isdisjoint([kind for kind, _ in objects]):
@@ -200,7 +186,7 @@ class DataStreamSession:
         if missing:
             raise WireError(f"the server does not offer {', '.join(missing)}")
         self.offer = offer
-        self._outgoing += packet(ObjectEnums(WANTED_TYPES & offer), RequestFrame(streaming=True))
+        self._outgoing += sdk.packet(sdk.ObjectEnums(WANTED_TYPES & offer), sdk.RequestFrame(streaming=True))
 
     def _update(self, now_s: float) -> None:
         """Decode a frame; malformed objects show here even in frames that are skipped."""
@@ -225,7 +211,7 @@ class DataStreamSession:
     def _update_period(self, payloads: list[bytes]) -> None:
         if not payloads:
             return  # a period once known stays known, even where the carry-over rule drops the object
-        period_s = StreamInfo.parse(payloads[0]).period_s
+        period_s = sdk.StreamInfo.parse(payloads[0]).period_s
         if 0.0 < period_s <= MAX_PERIOD_S:
             self.period_s = period_s
         else:
@@ -233,34 +219,34 @@ class DataStreamSession:
 
     def _update_subjects(self, payloads: list[bytes]) -> None:
         subjects = []
-        for info in map(SubjectInfo.parse, payloads):
+        for info in map(sdk.SubjectInfo.parse, payloads):
             # The root segment is the one whose parent is 0, whatever its name.
             roots = (segment.id for segment in info.segments if segment.parent == 0)
             subjects.append(_Subject(info.id, info.name, next(roots, None)))
         self._subjects = tuple(subjects)
 
     def _update_axes(self, payloads: list[bytes]) -> None:
-        self._y_up = bool(payloads) and ApplicationInfo.parse(payloads[0]).y_up
+        self._y_up = bool(payloads) and sdk.ApplicationInfo.parse(payloads[0]).y_up
 
     def _update_latency(self, payloads: list[bytes]) -> None:
-        samples = LatencyInfo.parse(payloads[0]).samples if payloads else ()
+        samples = sdk.LatencyInfo.parse(payloads[0]).samples if payloads else ()
         plausible_s = [latency_s for _, latency_s in samples if 0.0 <= latency_s <= MAX_LATENCY_S]
         self._latency_s = sum(plausible_s)
         self.counters.rejected += len(samples) - len(plausible_s)
 
     def _update_qualities(self, payloads: list[bytes]) -> None:
         self._qualities = {}
-        for rated in map(ObjectQuality.parse, payloads):
+        for rated in map(sdk.ObjectQuality.parse, payloads):
             if 0.0 <= rated.quality <= 1.0:
                 self._qualities[rated.subject] = rated.quality
             else:
                 self.counters.rejected += 1
 
     def _update_segments(self, payloads: list[bytes]) -> None:
-        self._segments = {poses.subject: poses.segments for poses in map(GlobalSegments.parse, payloads)}
+        self._segments = {poses.subject: poses.segments for poses in map(sdk.GlobalSegments.parse, payloads)}
 
     def _update_frame(self, payloads: list[bytes] | None, now_s: float) -> None:
-        frame = FrameInfo.parse(payloads[0]).frame if payloads else _NO_FRAME_ID
+        frame = sdk.FrameInfo.parse(payloads[0]).frame if payloads else _NO_FRAME_ID
         if frame == _NO_FRAME_ID or self.period_s is None:
             self.counters.rejected += 1
             return
@@ -295,7 +281,7 @@ class DataStreamSession:
             return
         self._ping_number += 1
         self._ping_sent_s, self._ping_due_s = now_s, now_s + PING_PERIOD_S
-        self._outgoing += packet(Ping(self._ping_number))
+        self._outgoing += sdk.packet(sdk.Ping(self._ping_number))
 
     def _answered(self, number: int, now_s: float) -> None:
         if self._ping_sent_s is not None and number == self._ping_number:

@@ -17,24 +17,7 @@ from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import without_guard
 from rcopterx.agents.work_ahead import WorkAhead
-from rcopterx.bus.requests import (
-    CommitLeaders,
-    Excite,
-    Fly,
-    Follow,
-    GoTo,
-    Land,
-    Lead,
-    PrepareLeaders,
-    ReleaseControl,
-    Reply,
-    Request,
-    TakeControl,
-    TakeOff,
-    Tune,
-    WithdrawLeaders,
-    verb_of,
-)
+from rcopterx.bus import requests
 from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
@@ -65,7 +48,7 @@ class TrajectoryRequests:
         self._incoming: Incoming | None = None
         self._path: FlightPath | None = None
 
-    def begin(self, incoming: Incoming, request: Fly) -> None:
+    def begin(self, incoming: Incoming, request: requests.Fly) -> None:
         """Begin to check a trajectory, or refuse it."""
         problem = self.refusal()
         if problem is None and self._work.busy:
@@ -124,8 +107,15 @@ class TrajectoryRequests:
 MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between
 DEFERRED: Final = "request_deferred"  # counted for every request that had to wait for a later step
 
-_NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
-_CHANGES_REFERENCE = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
+_NEEDS_POSE = (requests.TakeOff, requests.Land, requests.GoTo, requests.Fly, requests.Excite)
+_CHANGES_REFERENCE = (
+    requests.TakeOff,
+    requests.Land,
+    requests.GoTo,
+    requests.Lead,
+    requests.Excite,
+    requests.CommitLeaders,
+)
 
 
 @dataclass
@@ -146,25 +136,25 @@ class RequestHandler:
             self.settings.room, self.pilot, self._no_trajectory, self._formation_check, self.wake
         )
         """The trajectory that is being checked."""
-        self._at_once: dict[type[Request], Callable[[Any], Reply]] = {
-            TakeOff: self._take_off,
-            Land: self._land,
-            GoTo: self._go_to,
-            Lead: self._lead,
-            Excite: self._excite,
-            TakeControl: self._take_control,
-            ReleaseControl: lambda request: reply_of(self.external.release(request.source)),
-            CommitLeaders: lambda request: reply_of(self.changes.commit(request)),
-            WithdrawLeaders: self._withdraw,
+        self._at_once: dict[type[requests.Request], Callable[[Any], requests.Reply]] = {
+            requests.TakeOff: self._take_off,
+            requests.Land: self._land,
+            requests.GoTo: self._go_to,
+            requests.Lead: self._lead,
+            requests.Excite: self._excite,
+            requests.TakeControl: self._take_control,
+            requests.ReleaseControl: lambda request: reply_of(self.external.release(request.source)),
+            requests.CommitLeaders: lambda request: reply_of(self.changes.commit(request)),
+            requests.WithdrawLeaders: self._withdraw,
         }
-        self._later: dict[type[Request], Callable[[Incoming, Any], None]] = {
-            Follow: self.changes.wait,
-            PrepareLeaders: self.changes.wait,
-            Tune: self._tune,
-            Fly: self.trajectories.begin,
+        self._later: dict[type[requests.Request], Callable[[Incoming, Any], None]] = {
+            requests.Follow: self.changes.wait,
+            requests.PrepareLeaders: self.changes.wait,
+            requests.Tune: self._tune,
+            requests.Fly: self.trajectories.begin,
         }
         self.waiting: deque[Incoming] = deque()  # requests that wait for the next step
-        self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
+        self.verbs = [requests.verb_of(kind).name for kind in (*self._at_once, *self._later)]
         """Requests that an agent serves."""
 
     def take(self, incoming: Iterable[Incoming]) -> bool:
@@ -205,7 +195,7 @@ class RequestHandler:
             self._tuned_by = None
         return True
 
-    def _tune(self, incoming: Incoming, request: Tune) -> None:
+    def _tune(self, incoming: Incoming, request: requests.Tune) -> None:
         present = self.tuning.configuration
         # Tuning ends the effect of the guard against oscillation.
         wanted = without_guard(present).changed(
@@ -228,7 +218,7 @@ class RequestHandler:
             self.tuning.begin(wanted)
             self._tuned_by = incoming
 
-    def _take_off(self, request: TakeOff) -> Reply:
+    def _take_off(self, request: requests.TakeOff) -> requests.Reply:
         guidance = self.pilot.guidance
         if guidance.takes_off_to(request.height_m):
             return reply_of(None)  # The sender repeats a request whose reply was lost.
@@ -248,10 +238,10 @@ class RequestHandler:
         )
         return reply_of(problem or self.pilot.take_off(request.height_m))
 
-    def _land(self, _: Land) -> Reply:
+    def _land(self, _: requests.Land) -> requests.Reply:
         return reply_of(self.pilot.guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
-    def _go_to(self, request: GoTo) -> Reply:
+    def _go_to(self, request: requests.GoTo) -> requests.Reply:
         position_m, time_s = np.array(request.set_point.position_m), self.pilot.clock.time_s
         # Headings of references have all turns that the vehicle has made.
         near_rad = self.pilot.guidance.heading_rad(time_s)
@@ -286,15 +276,15 @@ class RequestHandler:
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
         return partial(move_problem, own, links=links, heads=heads, room=self.settings.room, unrelated=others)
 
-    def _lead(self, _: Lead) -> Reply:
+    def _lead(self, _: requests.Lead) -> requests.Reply:
         self.changes.lead()
         return reply_of(None, f"{self.settings.vehicle} follows no other vehicle")
 
-    def _withdraw(self, request: WithdrawLeaders) -> Reply:
+    def _withdraw(self, request: requests.WithdrawLeaders) -> requests.Reply:
         self.changes.withdraw(request)
         return reply_of(None)
 
-    def _excite(self, request: Excite) -> Reply:
+    def _excite(self, request: requests.Excite) -> requests.Reply:
         exciter, guidance, clock = self.pilot.exciter, self.pilot.guidance, self.pilot.clock
         if request.duration_s == 0.0:
             exciter.end("ended by request")
@@ -317,7 +307,7 @@ class RequestHandler:
         accepted = f"for {request.duration_s:g} s within {request.reach_m:g} m of its set point"
         return reply_of(None, accepted)
 
-    def _take_control(self, request: TakeControl) -> Reply:
+    def _take_control(self, request: requests.TakeControl) -> requests.Reply:
         if self.tuning.busy:
             return reply_of("another controller is being prepared")
         refusal = self.external.take(request)

@@ -194,14 +194,10 @@ class _Found:
 
     def at_bounds(self) -> list[str]:
         """Names of parameters on their bounds; a lag that became too short to matter is none."""
-
-        def vanished(parameter: Parameter) -> bool:
-            return parameter.unit == "s" and parameter.read(self.candidate) < _VANISHED_S
-
         return [
-            parameter.name
-            for parameter, position in zip(self.parameters, self.position, strict=True)
-            if abs(position) >= _AT_BOUND and not vanished(parameter)
+            one.name
+            for one, position in zip(self.parameters, self.position, strict=True)
+            if abs(position) >= _AT_BOUND and not (one.unit == "s" and one.read(self.candidate) < _VANISHED_S)
         ]
 
     def numbers(self, start: Candidate) -> list[FittedParameter]:

@@ -10,15 +10,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.control.references.columns import (
-    COLUMNS,
-    POSE,
-    POSITION,
-    VELOCITY,
-    YAW,
-    YAW_ACCELERATION,
-    YAW_RATE,
-)
+from rcopterx.control.references import columns
 from rcopterx.vehicles.state import Array
 
 _NO_OFFSET_M: Final[Array] = np.zeros(3)
@@ -37,27 +29,27 @@ class Trajectory(Struct, frozen=True):
     @property
     def position_m(self) -> Array:
         """Positions, shape (N, 3)."""
-        return self.samples[:, POSITION]
+        return self.samples[:, columns.POSITION]
 
     @property
     def yaw_rad(self) -> Array:
         """Headings, shape (N,)."""
-        return self.samples[:, YAW]
+        return self.samples[:, columns.YAW]
 
     @property
     def velocity_m_s(self) -> Array:
         """Inertial velocities, shape (N, 3)."""
-        return self.samples[:, VELOCITY]
+        return self.samples[:, columns.VELOCITY]
 
     @property
     def yaw_rate_rad_s(self) -> Array:
         """Yaw rates, shape (N,)."""
-        return self.samples[:, YAW_RATE]
+        return self.samples[:, columns.YAW_RATE]
 
     @property
     def yaw_acceleration_rad_s2(self) -> Array:
         """Yaw accelerations, shape (N,)."""
-        return self.samples[:, YAW_ACCELERATION]
+        return self.samples[:, columns.YAW_ACCELERATION]
 
     def resampled(self, start_s: float, period_s: float, stages: int) -> "Trajectory":
         """Return `stages` stages from `start_s` on, counted from the first stage of this trajectory.
@@ -75,15 +67,15 @@ class Trajectory(Struct, frozen=True):
         # Scripts and the web page use paths, which are trajectories, but need no kernels.
         from rcopterx.control.references.sampling import resample
 
-        samples = np.empty((stages, COLUMNS))
+        samples = np.empty((stages, columns.COLUMNS))
         resample(self.samples, self.period_s, start_s, period_s, offset_m, yaw_offset_rad, samples)
         return Trajectory(samples, period_s)
 
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
     """Return the trajectory of a set point: rest at one place, shape (3,)."""
-    samples = np.zeros((stages, COLUMNS))
-    samples[:, POSE] = *position_m, yaw_rad
+    samples = np.zeros((stages, columns.COLUMNS))
+    samples[:, columns.POSE] = *position_m, yaw_rad
     return Trajectory(samples, period_s)
 
 

@@ -20,16 +20,7 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
-from rcopterx_studies.baselines.paper_model import (
-    BOUNDED_STATES,
-    INPUT_WEIGHTS,
-    STATE_SIZE,
-    STATE_WEIGHTS,
-    X_INT,
-    ElevenWeights,
-    PaperModel,
-    TerminalCost,
-)
+from rcopterx_studies.baselines import paper_model
 
 SOFT_WEIGHT: Final = 1e5  # weight of the squared excess over a state bound, SI units
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])  # further from hovering an input is a manoeuvre and no trim
@@ -38,9 +29,9 @@ TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])  # further from hovering an input is
 class PaperSettings(MpcSettings, frozen=True, kw_only=True):
     """Settings of the paper's scheme; the defaults are the paper's."""
 
-    state_weights: ElevenWeights = STATE_WEIGHTS
+    state_weights: paper_model.ElevenWeights = paper_model.STATE_WEIGHTS
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid x_int y_int z_int."""
-    input_weights: FourWeights = INPUT_WEIGHTS
+    input_weights: FourWeights = paper_model.INPUT_WEIGHTS
     """Diagonal of R: pitch, roll, thrust, yaw."""
     terminal_cost: bool = True
     """Riccati solution as terminal cost; False weighs the last stage like the others, as in [11]."""
@@ -67,16 +58,16 @@ class PaperController(BaseController):
     ) -> None:
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
         self._settings = settings
-        self._paper_model = PaperModel(model, period_s, settings.z_integrator)
+        self._paper_model = paper_model.PaperModel(model, period_s, settings.z_integrator)
         Q, R = np.array(settings.state_weights), np.array(settings.input_weights)
-        self._terminal = TerminalCost(self._paper_model, Q, R)
+        self._terminal = paper_model.TerminalCost(self._paper_model, Q, R)
         self._solver = (new_solver or settings.new_solver)()
         self._integral = np.zeros(3)
         self._bumpless_from: Array | None = None
         self._linearized_at: float | None = None
-        rows = STATE_SIZE + INPUT_SIZE
-        C, D = np.eye(rows, STATE_SIZE), np.eye(rows, INPUT_SIZE, -STATE_SIZE)
-        bounded, sticks = np.array(BOUNDED_STATES), slice(STATE_SIZE, None)
+        rows = paper_model.STATE_SIZE + INPUT_SIZE
+        C, D = np.eye(rows, paper_model.STATE_SIZE), np.eye(rows, INPUT_SIZE, -paper_model.STATE_SIZE)
+        bounded, sticks = np.array(paper_model.BOUNDED_STATES), slice(paper_model.STATE_SIZE, None)
         s = np.zeros(rows)
         s[bounded], s[sticks] = SOFT_WEIGHT, HARD
         A, B = self._paper_model.dynamics(0.0), self._paper_model.input_matrix()
@@ -84,7 +75,7 @@ class PaperController(BaseController):
         motions = np.hstack((self._limits.position, self._limits.velocity))
         p.low[:, :MOTION_SIZE], p.high[:, :MOTION_SIZE] = motions
         p.low[:, sticks], p.high[:, sticks] = self._limits.input_min, self._limits.input_max
-        p.s[0, :STATE_SIZE] = 0.0
+        p.s[0, : paper_model.STATE_SIZE] = 0.0
         p.r[:, sticks] = model.hover_input
         self._problem = p
 
@@ -112,7 +103,7 @@ class PaperController(BaseController):
         p, states = self._problem, self._state_reference(reference)
         p.A[:] = self._paper_model.dynamics(yaw)
         p.c[:] = -self._paper_model.affine(reference.position_m[-1])
-        p.r[:, :STATE_SIZE] = states[:-1]
+        p.r[:, : paper_model.STATE_SIZE] = states[:-1]
         if self._settings.terminal_cost:
             p.P[:] = self._terminal.at(yaw)
         p.x_end[:], p.x_0[:] = states[-1], np.concatenate((estimate.motion, self._integral))
@@ -121,7 +112,7 @@ class PaperController(BaseController):
     def _state_reference(self, reference: Trajectory) -> Array:
         """Reference states, shape (N, 11); body velocities with the reference's own heading, equation (6)."""
         samples = reference.samples
-        states = np.zeros((self.horizon, STATE_SIZE))
+        states = np.zeros((self.horizon, paper_model.STATE_SIZE))
         states[:, :MOTION_SIZE] = samples[:, :MOTION_SIZE]
         states[:, XD_BODY : XD_BODY + 2] = in_frames(samples[:, YAW], samples[:, X_RATE : X_RATE + 2])
         return states
@@ -146,7 +137,7 @@ class PaperController(BaseController):
         if self._bumpless_from is None:
             return
         trim = np.clip((self._bumpless_from - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
-        gain = self._terminal.gain(yaw)[:3, X_INT:]
+        gain = self._terminal.gain(yaw)[:3, paper_model.X_INT :]
         active = self._paper_model.integrator_gains > 0
         self._integral[active] = -np.linalg.lstsq(gain[:, active], trim, rcond=None)[0]
         limit = self._settings.integral_limit_m_s

@@ -96,11 +96,7 @@ def vehicles(
 
 
 def fly_shape(
-    links: FormationGraph,
-    quick: bool,
-    conditions: Conditions,
-    seed: int,
-    progress: Progress | None = None,
+    links: FormationGraph, quick: bool, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> dict[str, Array]:
     """Fly a formation; returns the errors of every follower in every settled control period [m]."""
     steps = STEPS_M[: 2 if quick else None]
