@@ -29,8 +29,8 @@ SOFTWARE_RENDERING = ("--no-sandbox", "--disable-gpu")
 SIZE = {"width": 1280, "height": 720}
 FRAME_S = 0.125
 SHOWN = (896, 504)
-CAPTION_AT = (350, 330)
-DRAGGED_PX = (150, -40)
+CAPTION_AT = (356, 66)
+DRAGGED_PX = (-40, 12)
 
 
 class Film:
