@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from msgspec import Struct
@@ -17,6 +17,7 @@ UNSEEN_S: Final = 0.2
 """Time without a pose in flight from which it is an alarm."""
 SLOW: Final = "this computer is too slow for its fleet"
 _SLOW: Final = re.compile(rf"{SLOW}|more agents run on this computer|: a call took longer than \d+ ms")
+_NUMBERS: Final = re.compile(r"[\d.█░]+")
 CHARGE: Final = "land it, and charge its battery"
 _SLOW_REMEDY: Final = (
     "end other programs, fly fewer vehicles, or shorten horizons; rcopterx doctor measures it"
@@ -59,15 +60,17 @@ class Cause:
     vehicle: str = ""
 
 
-class Alarm(Struct, frozen=True):
+class Alarm(Struct):
     """A line about a cause; `over` for some seconds after it has ended."""
 
-    vehicles: tuple[str, ...]
     text: str
-    remedy: str
     level: Level
-    count: int
-    over: bool
+    remedy: str
+    began_s: float
+    seen_s: float = 0.0
+    vehicles: list[str] = []
+    count: int = 0
+    over: bool = True
 
 
 def causes_of(state: VehicleState) -> Iterator[Cause]:
@@ -111,45 +114,25 @@ def _of_remark(remark: str, name: str) -> Cause:
     return Cause(remark, "amber", "", name)
 
 
-@dataclass
-class _Line:
-    """What is known of a cause."""
-
-    level: Level
-    remedy: str
-    began_s: float
-    seen_s: float
-    count: int = 1
-    vehicles: dict[str, None] = field(default_factory=dict)
-
-
 class AlarmBoard:
     """Alarms over time: coalesced by cause, counted, gone `GONE_S` after their cause."""
 
     def __init__(self) -> None:
-        self._lines: dict[str, _Line] = {}
-        self._present: frozenset[str] = frozenset()
+        self._alarms: dict[str, Alarm] = {}  # by text without numbers, which change
 
     def update(self, now_s: float, causes: Iterable[Cause]) -> Sequence[Alarm]:
         """Return the alarms at a time: present ones first, red before amber, then by age."""
-        present = set()
+        before = {key for key, alarm in self._alarms.items() if not alarm.over}
+        for alarm in self._alarms.values():
+            alarm.over = True
         for cause in causes:
-            line = self._lines.setdefault(cause.text, _Line(cause.level, cause.remedy, now_s, now_s, count=0))
-            if cause.text not in present:
-                line.count += cause.text not in self._present
-                line.vehicles.clear()
-            if cause.vehicle:
-                line.vehicles[cause.vehicle] = None
-            line.seen_s, line.level, line.remedy = now_s, cause.level, cause.remedy
-            present.add(cause.text)
-        self._present = frozenset(present)
-        self._lines = {text: line for text, line in self._lines.items() if now_s - line.seen_s <= GONE_S}
-        alarms = [
-            (text not in present, line.level != "red", line.began_s, text)
-            for text, line in self._lines.items()
-        ]
-        return [self._alarm(text, over) for over, _, _, text in sorted(alarms)]
-
-    def _alarm(self, text: str, over: bool) -> Alarm:
-        line = self._lines[text]
-        return Alarm(tuple(line.vehicles), text, line.remedy, line.level, line.count, over)
+            key = _NUMBERS.sub("", cause.text)
+            alarm = self._alarms.setdefault(key, Alarm(cause.text, cause.level, cause.remedy, now_s))
+            if alarm.over:
+                alarm.count += key not in before
+                alarm.vehicles, alarm.over, alarm.seen_s = [], False, now_s
+            if cause.vehicle and cause.vehicle not in alarm.vehicles:
+                alarm.vehicles.append(cause.vehicle)
+            alarm.text, alarm.level, alarm.remedy = cause.text, cause.level, cause.remedy
+        self._alarms = {key: one for key, one in self._alarms.items() if now_s - one.seen_s <= GONE_S}
+        return sorted(self._alarms.values(), key=lambda one: (one.over, one.level != "red", one.began_s))

@@ -121,17 +121,21 @@ def events_shown(events: Reversible[LoggedEvent]) -> list[tuple[float, str, str,
     """Newest events first: time [s], vehicles, text, whether it is an alarm; the same text shares a line."""
     lines: list[tuple[LoggedEvent, dict[str, int]]] = []
     for event in reversed(events):
-        for first, vehicles in lines:
-            if first.words == event.words and first.time_s - event.time_s < COALESCED_S:
-                vehicles[event.vehicle] = vehicles.get(event.vehicle, 0) + 1
-                break
-        else:
-            lines.append((event, {event.vehicle: 1}))
+        counts = next((counts for first, counts in lines if _alike(first, event)), None)
+        if counts is None:
+            counts = {}
+            lines.append((event, counts))
+        counts[event.vehicle] = counts.get(event.vehicle, 0) + max(1, event.count)
     return [
-        (event.time_s, ", ".join(vehicles), f"{event.words}{_times(max(vehicles.values()))}", event.alarming)
-        for event, vehicles in lines[:EVENTS_SHOWN]
+        (event.time_s, ", ".join(counts), f"{event.text.replace('_', ' ')}{_times(counts)}", event.alarming)
+        for event, counts in lines[:EVENTS_SHOWN]
     ]
 
 
-def _times(count: int) -> str:
-    return "" if count == 1 else f", {count} times"
+def _alike(later: LoggedEvent, event: LoggedEvent) -> bool:
+    return later.text == event.text and later.time_s - event.time_s < COALESCED_S
+
+
+def _times(counts: Mapping[str, int]) -> str:
+    """How often an event happened to the vehicle that it happened to most often."""
+    return "" if max(counts.values()) == 1 else f", {max(counts.values())} times"

@@ -53,7 +53,7 @@ def test_a_slow_computer_is_one_sentence_without_names_of_classes() -> None:
         )
     ]
     (alarm,) = AlarmBoard().update(1.0, causes)
-    assert (alarm.text, alarm.vehicles) == (SLOW, ())
+    assert (alarm.text, alarm.vehicles) == (SLOW, [])
     assert alarm.remedy
 
 
@@ -61,9 +61,18 @@ def test_vehicles_with_the_same_cause_share_a_line() -> None:
     board = AlarmBoard()
     causes = [cause for name in ("h1", "h2") for cause in causes_of(remarked(name, "it lands: sticks"))]
     (alarm,) = board.update(1.0, causes)
-    assert (alarm.vehicles, alarm.level) == (("h1", "h2"), "red")
+    assert (alarm.vehicles, alarm.level) == (["h1", "h2"], "red")
     (alarm,) = board.update(2.0, causes[1:])
-    assert alarm.vehicles == ("h2",)
+    assert alarm.vehicles == ["h2"]
+
+
+def test_a_cause_whose_numbers_change_keeps_its_line_and_shows_the_newest() -> None:
+    board = AlarmBoard()
+    for number, text in enumerate(
+        ("own pose lost for 0.1 s", "own pose lost for 0.2 s", "own pose lost for 12 s")
+    ):
+        (alarm,) = board.update(float(number), [Cause(text, "amber", "", "h1")])
+    assert (alarm.text, alarm.count) == ("own pose lost for 12 s", 1)
 
 
 def test_a_low_battery_in_flight_and_a_lost_leader_are_alarms() -> None:

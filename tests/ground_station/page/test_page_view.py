@@ -67,3 +67,12 @@ def test_events_are_newest_first_and_equal_ones_share_a_line() -> None:
         (1.0, "h1", "landed", False),
     ]
     assert events_shown([]) == []
+
+
+def test_counted_events_with_other_counts_share_a_line_in_words() -> None:
+    events = [
+        LoggedEvent(1.0, "h1", "pose_extrapolated", count=47),
+        LoggedEvent(2.0, "h2", "pose_extrapolated", count=1),
+        LoggedEvent(3.0, "h1", "pose_extrapolated", count=2),
+    ]
+    assert events_shown(events) == [(3.0, "h1, h2", "pose extrapolated, 49 times", False)]
