@@ -24,7 +24,7 @@ def test_alarms_and_longer_sentences_move_nothing(browse: Browse, vehicles: Vehi
     before = places()
     for vehicle in vehicles.values():
         vehicle.diagnostics["remarks"] = tuple(
-            f"remark {number} of some length, which is shown" for number in range(6)
+            f"remark {letter} of some length, which is shown" for letter in "abcdef"
         )
         vehicle.counts = {"late": 3}
     window.locator(".alarm").nth(3).wait_for(timeout=30_000)
