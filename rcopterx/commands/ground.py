@@ -106,7 +106,13 @@ def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
 
 
 def _announce_lines(page: subprocess.Popen[str], announce: Callable[[str], object]) -> None:
+    """Announce address and errors of the page, and the last line of one that breaks off otherwise."""
     assert page.stdout is not None
+    announced = last = ""
     for line in page.stdout:
+        last = line.strip() or last
         if line.startswith(("http", "error")):
+            announced = last
             announce(f"web page: {line.partition('  (')[0].strip()}")
+    if page.wait() > 0 and last != announced:
+        announce(f"the web page has ended: {last}")

@@ -6,10 +6,12 @@ import pty
 import select
 import signal
 import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import Result
@@ -186,6 +188,18 @@ def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: 
             assert answer.status == 200
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(line.removeprefix("web page: "), timeout=DEADLINE_S)
+
+
+def test_a_page_that_breaks_off_is_announced_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    open_process = subprocess.Popen
+
+    def broken(_: list[str], **options: Any) -> subprocess.Popen[str]:
+        return open_process([sys.executable, "-c", "raise RuntimeError('no floor')"], **options)
+
+    monkeypatch.setattr("rcopterx.commands.ground.subprocess.Popen", broken)
+    told: list[str] = []
+    with page_of("trio", told.append):
+        wait_for(lambda: told == ["the web page has ended: RuntimeError: no floor"], "not announced")
 
 
 def test_a_demonstration_without_websockets_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
