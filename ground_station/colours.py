@@ -6,9 +6,3 @@ COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e
 def hex_colour(number: int) -> str:
     """Colour as `#rrggbb`."""
     return COLOURS[number % len(COLOURS)]
-
-
-def rgb_colour(number: int) -> tuple[int, int, int]:
-    """Red, green and blue from 0 to 255."""
-    red, green, blue = bytes.fromhex(hex_colour(number)[1:])
-    return red, green, blue
