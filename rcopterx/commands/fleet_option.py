@@ -117,13 +117,14 @@ def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
 
 
 @contextmanager
-def joined_fleet(
-    file: "FleetFile", host: str | None, name: str | None, router_within_s: float
+def running_fleet(
+    name: str | None, vehicles: Iterable[str] | None = None, router_within_s: float = ROUTER_S
 ) -> Iterator["Fleet"]:
-    """Join a `wanted_fleet`."""
+    """Join a running fleet, by default that of this computer, and check names."""
     from rcopterx.bus.session import BusUnreachableError
     from rcopterx.ground_station.scripting.fleet import Fleet
 
+    file, host = wanted_fleet(name)
     try:
         fleet = Fleet(file, host, router_within_s)
     except BusUnreachableError as error:
@@ -131,15 +132,6 @@ def joined_fleet(
         hint = f"on this computer {others} is; leave out -f to use it" if others else f"(rcopterx up {name})"
         raise BusUnreachableError(f"{error}; is the fleet up? {hint}") from None
     with closing(fleet):
-        yield fleet
-
-
-@contextmanager
-def running_fleet(
-    name: str | None, vehicles: Iterable[str] | None = None, router_within_s: float = ROUTER_S
-) -> Iterator["Fleet"]:
-    """Join a running fleet, by default that of this computer, and check names."""
-    with joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
         check_known(vehicles or (), fleet.file.vehicles, "vehicle", "VEHICLE")
         yield fleet
 
