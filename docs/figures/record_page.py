@@ -1,8 +1,8 @@
-"""Fly three helicopters from the web page, and record it as a picture and a moving picture.
+"""Fly three helicopters from the web page, and record it as a moving picture.
 
 Needs Chromium, `pip install 'rcopterx[browser]'`, and an idle computer, since it flies in real time:
 
-    python docs/figures/record_page.py docs/figures/ground
+    python docs/figures/record_page.py docs/figures/ground.webp
 
 The leader is dragged; `h3` follows another leader; the agent of `h2` is killed and nothing happens.
 """
@@ -95,8 +95,7 @@ def captioned(frame: Image.Image, text: str) -> Image.Image:
 
 
 def main() -> None:
-    """Write `<name>.png` and `<name>.webp`."""
-    name = sys.argv[1]
+    """Write the moving picture."""
     with launched("trio") as fleet, page_of() as address, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_RENDERING))
         page = browser.new_page(viewport=SIZE)
@@ -107,11 +106,10 @@ def main() -> None:
         fly(film, page, fleet)
         browser.close()
     frames = film.frames
-    frames[len(frames) // 3][1].save(f"{name}.png", optimize=True)
     durations = [round(1000 * (after - before)) for (before, *_), (after, *_) in pairwise(frames)]
     shown = [captioned(frame, text) for _, frame, text in frames]
     shown[0].save(
-        f"{name}.webp",
+        sys.argv[1],
         save_all=True,
         append_images=shown[1:],
         duration=[*durations, 1500],
