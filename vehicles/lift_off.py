@@ -12,12 +12,11 @@ from typing import Final, NamedTuple
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Three
 
-PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies
-ROSE_M: Final = 0.006  # one so far above it has risen
+PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies...
+CLEAR_M: Final = 0.4  # ...and one so far above it jumps visibly if another body on the floor takes its place
+ROSE_M: Final = 0.004  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
-SUNK_M_S: Final = 1.3  # the same for one that has risen and may stand again, heavier than its model
-BRAKED_SHARE: Final = 0.6  # of the hover thrust: a climb is braked without thrust until the rotor is so slow
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
 SINKING_S: Final = 1.2  # time in which a vehicle sinks after a problem
 STOPPED_S: Final = 0.3  # a vehicle that has risen and is not proved yet moves on within this time...
@@ -32,6 +31,8 @@ GAP_S: Final = 0.1  # after so long without a pose it may have slid
 LOW_M: Final = 0.02  # a vehicle that is lower has not risen enough to move sideways
 TILT_RAD: Final = 0.35
 JUMP_M: Final = 0.03
+DROP_M: Final = 0.012  # below where it would be in free fall after less than `DROPPED_S`
+DROPPED_S: Final = 0.05
 FASTEST_M_S: Final = 1.5
 STANDING_WEIGHT: Final = 0.1  # of a new pose in the mean of where the vehicle stands
 MAT_M: Final = 0.02  # by so much a vehicle may rise from a soft mat under a rotor that does not lift it
@@ -39,6 +40,14 @@ OTHER_AVERAGED: Final = 3  # poses in the mean height of another vehicle
 NOT_RISEN: Final = (
     "its pose did not rise: charge its battery, raise hover_thrust, or is its subject another body?"
 )
+
+
+def braked(climb_m_s: float, share: float, lag_s: float) -> bool:
+    """Whether a climb ends while the thrust rises from a share of the hover thrust to `RESTING_SHARE`.
+
+    A vehicle that climbs is braked without thrust until then; `lag_s` is the first-order lag of its rotor.
+    """
+    return climb_m_s <= GRAVITY_M_S2 * lag_s * (RESTING_SHARE - share)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +94,7 @@ class LiftOffProof:
 
     def begin(self, *, proved: bool = False) -> None:
         """Begin: the vehicle stands with its rotor off, or flies (`proved`)."""
-        self.proved = proved or not self._bounded
+        self.proved = self._clear = proved or not self._bounded
         self.problem: str | None = None
         self._acting = 0.0  # thrust after the rotor's lag
         self._stands: SeenPose | None = None
@@ -128,11 +137,11 @@ class LiftOffProof:
             if self._tried and not self.proved:
                 self._end(NOT_RISEN)
                 self._sunk_s = SINKING_S
-            elif self.proved:
+            elif self.proved and self.problem is None:
                 self.begin()
         self._tried = self._tried or self._acting > WEAK_SHARE * self._limits.hover_thrust
         self._acting -= math.expm1(-elapsed_s / self._limits.rotor_lag_s) * (applied - self._acting)
-        if self.proved:
+        if self._clear:
             return
         excess = self._acting / self._limits.hover_thrust - 1.0
         self._unseen_m_s += GRAVITY_M_S2 * excess * elapsed_s
@@ -141,25 +150,23 @@ class LiftOffProof:
             self._unseen_m, self._unseen_m_s = 0.0, max(self._unseen_m_s, 0.0)
         if self.problem is not None:
             self._sunk_s += elapsed_s
-            slow = self._acting < BRAKED_SHARE * self._limits.hover_thrust
-            self._braked = self._braked or slow or self._unseen_m_s <= 0.0
-        elif self._rise_m < ROSE_M and self._unseen_m_s > (SUNK_M_S if self._rose else UNSEEN_M_S):
+            share = self._acting / self._limits.hover_thrust
+            self._braked = self._braked or braked(self._unseen_m_s, share, self._limits.rotor_lag_s)
+        elif self._rise_m < ROSE_M and self._unseen_m_s > UNSEEN_M_S:
             self._end(NOT_RISEN)
 
     def own(self, pose: SeenPose, now_s: float) -> None:
         """Use a pose of the own vehicle."""
-        if self.proved:
+        if self._clear:
             return
         self._count_repeats(pose.position_m, now_s)
         last = self._newest[-1] if self._newest else None
+        if last is not None and self._acting > STARTED * self._limits.hover_thrust:
+            self._judge_step(pose.position_m, now_s - last[0], last[1])
         self._newest.append((now_s, pose.position_m))
         while self._newest[0][0] < now_s - AVERAGED_S:
             self._newest.popleft()
-        if last is not None and self._acting > STARTED * self._limits.hover_thrust:
-            reach_m = JUMP_M + FASTEST_M_S * min(now_s - last[0], 0.3)
-            if math.dist(last[1], pose.position_m) > reach_m:
-                self._end("its pose jumped")
-        if self._stands is None or not self.turning:
+        if self._stands is None or not (self.turning or self.proved):
             self._stands = _standing(self._stands, pose)
             return
         if last is not None and now_s > last[0] + GAP_S:
@@ -167,7 +174,11 @@ class LiftOffProof:
             x, y, _ = pose.position_m
             self._stands = SeenPose((x, y, self._stands.position_m[2]), self._stands.tilt_rad)
             self._moved_s = now_s
-        self._judge(pose, self._stands)
+        if self._repeats == 0:
+            self._follow(self._stands.position_m[2])
+        if not self.proved:
+            self._judge(pose, self._stands)
+        self._clear = self.proved and self.problem is None and self._rise_m > CLEAR_M
 
     def other(self, name: str, height_m: float, explained_m: float) -> None:
         """Use the height of another vehicle, which its own rotor may lift by `explained_m`."""
@@ -189,15 +200,28 @@ class LiftOffProof:
         if self.turning and self._repeats >= REPEATED and now_s >= self._changed_s + REPEATED_S:
             self._end("its pose repeats itself exactly: frozen")
 
+    def _judge_step(self, position_m: Three, elapsed_s: float, last_m: Three) -> None:
+        """Judge a new position by the last one."""
+        jumped = math.dist(last_m, position_m) > JUMP_M + FASTEST_M_S * min(elapsed_s, 0.3)
+        falling_m = 0.5 * GRAVITY_M_S2 * elapsed_s**2 - self._climb_m_s * elapsed_s
+        dropped = elapsed_s < DROPPED_S and last_m[2] - position_m[2] > DROP_M + falling_m
+        if jumped or dropped:
+            self._end("its pose jumped")
+
+    def _follow(self, stands_m: float) -> None:
+        """Estimate height and climb rate from the newest poses."""
+        before_m = self._rise_m
+        self._rise_m = math.fsum(place[2] for _, place in self._newest) / len(self._newest) - stands_m
+        (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
+        self._climb_m_s = (last[2] - first[2]) / (last_s - first_s) if last_s > first_s else 0.0
+        self._rose = self._rose or self._rise_m > ROSE_M
+        if self._rise_m <= ROSE_M < before_m and self.problem is None:
+            self._unseen_m = self._unseen_m_s = 0.0  # it stands again
+
     def _judge(self, pose: SeenPose, stands: SeenPose) -> None:
         """Judge the mean of the newest poses against where the vehicle stood."""
-        places = [place for _, place in self._newest]
-        x, y, z = (math.fsum(axis) / len(places) for axis in zip(*places, strict=True))
-        self._rise_m = rise_m = z - stands.position_m[2]
-        self._rose = self._rose or rise_m > ROSE_M
-        (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
-        if last_s > first_s:
-            self._climb_m_s = (last[2] - first[2]) / (last_s - first_s)
+        rise_m, last_s = self._rise_m, self._newest[-1][0]
+        x, y = (math.fsum(place[axis] for _, place in self._newest) / len(self._newest) for axis in (0, 1))
         if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
         if pose.tilt_rad is not None and stands.tilt_rad is not None:
@@ -218,7 +242,9 @@ class LiftOffProof:
         if self.problem is None:
             self.problem = problem
             if self._rise_m > ROSE_M:
-                self._unseen_m, self._unseen_m_s = self._rise_m, self._climb_m_s
+                since_s = self._newest[-1][0] - self._changed_s
+                self._unseen_m = self._rise_m + self._climb_m_s * since_s
+                self._unseen_m_s = self._climb_m_s
             self._flew = self._unseen_m > 0.0
 
 

@@ -16,18 +16,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.control.interfaces import Estimate
-from rcopterx.vehicles.lift_off import BRAKED_SHARE, RESTING_SHARE
+from rcopterx.vehicles.lift_off import RESTING_SHARE, braked
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, ZD_BODY, Array, Z
 
 SPOOL_UP_S: Final = 0.4
-UNSEEN_M_S: Final = 0.58  # climb rate that a vehicle like its model reaches if nothing sees it
+UNSEEN_M_S: Final = 0.47  # climb rate that a vehicle like its model reaches if nothing sees it
 TRIES: Final = 4  # a receiver may still search its radio, and a lift may not be seen in time
 THRUST_PER_S: Final = 4.0  # rate at which the thrust stick rises, as arbiters permit
 NEAR_FLOOR: Final = 1.05  # by how much more the rotors of a coaxial helicopter lift near the floor
 TRY_S: Final = 1.5  # of a pulse, and until a light vehicle that nothing sees has sunk to the floor
 FAILED_S: Final = SPOOL_UP_S + TRIES * TRY_S
-LIFTED_M: Final = 0.006  # twenty times the noise of a motion capture
+LIFTED_M: Final = 0.004  # a dozen times the noise of a motion capture
 HELD_S: Final = 0.02  # time for which a command is held
 STEPS: Final = 4  # in that time
 STEP_S: Final = HELD_S / STEPS
@@ -149,7 +149,7 @@ def _pulse(hover: float, largest: float, lag_s: float) -> _Pulse:
                 command *= part
                 rising, braking = False, True
         else:
-            braking = braking and share > BRAKED_SHARE
+            braking = braking and not braked(climb_m_s, share, lag_s)
             command = 0.0 if braking else RESTING_SHARE
         commanded.append(command)
         for _ in range(STEPS):

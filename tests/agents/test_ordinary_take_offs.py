@@ -19,7 +19,7 @@ from rcopterx.vehicles.lift_off import NOT_RISEN
 from rcopterx.vehicles.phases import Phase
 
 RISEN_M = 0.3
-GIVEN_S = 8.0
+GIVEN_S = 10.0
 GAP_S = 0.2
 EMPTY_SHARE = 0.7  # of its thrust that an empty battery has left: the largest sag of the battery in flights
 LATER_S = 1.0

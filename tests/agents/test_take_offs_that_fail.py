@@ -4,8 +4,9 @@ import random
 
 import pytest
 from msgspec import structs
-from support.take_offs import TakeOffs
+from support.take_offs import TakeOffs, View
 
+from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import State
 
 TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
@@ -38,22 +39,66 @@ def test_an_ordinary_lift_off_is_not_stopped(kind: str, rate_hz: int, noise_m: f
     assert bench.arbiters["h1"].state is State.ARMED
 
 
-@pytest.mark.parametrize(("kind", "highest_m"), [*zip(TYPES, (0.3, 0.2, 0.2, 0.2), strict=True)])
-def test_a_vehicle_whose_subject_is_a_body_that_stands_rises_little_and_is_stopped(
-    kind: str, highest_m: float
-) -> None:
+def another_body(stands: BodyPose) -> View:
+    """Poses of a body that stands where the vehicle stood."""
+    noise = random.Random(1)
+
+    def pose() -> BodyPose:
+        place = tuple(value + noise.gauss(0.0, 3e-4) for value in stands.position_m)
+        return structs.replace(stands, position_m=place)
+
+    return pose
+
+
+def raised(seen: View) -> View:
+    """Poses of a vehicle that is shown 0.1 m higher."""
+
+    def pose() -> BodyPose | None:
+        if (found := seen()) is None:
+            return None
+        x, y, z = found.position_m
+        return structs.replace(found, position_m=(x, y, z + 0.1))
+
+    return pose
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_vehicle_whose_subject_is_a_body_that_stands_rises_little_and_is_stopped(kind: str) -> None:
     bench = TakeOffs({"h1": kind})
-    stands, noise = bench.views["h1"](), random.Random(1)
+    stands = bench.views["h1"]()
     assert stands is not None
-    x, y, z = stands.position_m
-    bench.views["h1"] = lambda: structs.replace(
-        stands, position_m=(x + noise.gauss(0.0, 3e-4), y, z + noise.gauss(0.0, 3e-4))
-    )
+    bench.views["h1"] = another_body(stands)
     bench.take_off("h1")
     bench.run(8.0)
-    assert bench.highest_m["h1"] < highest_m
+    assert bench.highest_m["h1"] < HIGHEST_M
+    assert bench.hardest_m_s["h1"] < HARDEST_M_S
     assert bench.arbiters["h1"].state is State.CUT
     assert "another body" in bench.arbiters["h1"].reason
+
+
+@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("wrong", ["another body", "frozen", "raised"])
+@pytest.mark.parametrize("begins_s", [0.7, 0.8, 0.9, 1.0, 1.1])
+def test_a_pose_that_becomes_wrong_just_after_the_lift_off_ends_it_below_0_4_m(
+    kind: str, wrong: str, begins_s: float
+) -> None:
+    bench = TakeOffs({"h1": kind})
+    stands = bench.views["h1"]()
+    bench.take_off("h1")
+    bench.run(begins_s)
+    seen, frozen = bench.views["h1"], bench.views["h1"]()
+    assert stands is not None
+    bench.views["h1"] = {
+        "another body": another_body(stands),
+        "frozen": lambda: frozen,
+        "raised": raised(seen),
+    }[wrong]
+    bench.run(4.0)
+    assert bench.highest_m["h1"] < 0.4
+    assert bench.hardest_m_s["h1"] < 1.3
+    assert bench.plants["h1"].on_floor
+    assert bench.arbiters["h1"].state is State.CUT
+    assert "lift-off: its pose" in bench.arbiters["h1"].reason
 
 
 def exchange(bench: TakeOffs) -> None:

@@ -28,7 +28,7 @@ CONTROL_S = 0.02
 GROUND_EFFECT_M = 0.1
 STEP_S = 0.002
 HIGHEST_M, HARDEST_M_S = 0.15, 1.0  # of a vehicle like its model that nothing sees
-LIGHT, LIGHT_HIGHEST_M, LIGHT_HARDEST_M_S = 0.9, 0.36, 1.0
+LIGHT, LIGHT_HIGHEST_M, LIGHT_HARDEST_M_S = 0.9, 0.2, 0.9
 HEAVY = 1.22
 
 
