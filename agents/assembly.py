@@ -31,4 +31,5 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     pilot.cooperation.vehicle = settings.vehicle
     turn = settings.vehicles.index(settings.vehicle) % LIFT_OFF_TURNS
     pilot.lift_off_delay_s = turn * LIFT_OFF_TURN_S
+    pilot.measured_tilt = bool(settings.configuration.estimator_settings.get("measured_tilt", True))
     return pilot

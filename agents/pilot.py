@@ -17,6 +17,7 @@ from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.agents.estimation import EstimatorGuard, StampedMeasurement, StateEstimation
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.lift_off import LiftOff
+from rcopterx.agents.flight.sign_proof import CLIMB_AFTER_S, PROOF_M, SETTLING_S, SignProof
 from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputHistory, as_sent
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
@@ -83,9 +84,11 @@ class Pilot:
         self.estimation = StateEstimation(self.clock, self.estimator, self.input_history, self.events)
         self.sequence = 0
         self.lift_off_delay_s = 0.0  # sets its lift-off apart from those of other vehicles
+        self.measured_tilt = True  # whether the motion capture shows roll and pitch
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
         self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._lift_off = LiftOff(model)
+        self._signs = SignProof(model)
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
         self._planned: Array = np.zeros((0, INPUT_SIZE))  # inputs planned after the newest command
@@ -101,6 +104,12 @@ class Pilot:
             if guard.calls.failure:
                 remarks.append(guard.calls.failure + (stays if guard.replaced else ""))
         return tuple(filter(None, remarks))
+
+    @property
+    def given_up(self) -> str | None:
+        """Why the vehicle, which stands, has landed by itself and has to be disarmed; else None."""
+        fault = self.vehicle_watch.fault
+        return None if fault is None or self.guidance.phase is not Phase.ARMED else fault.text
 
     @property
     def controller(self) -> Controller:
@@ -119,7 +128,10 @@ class Pilot:
 
     def observe(self, frame: StampedMeasurement) -> bool:
         """Process one frame; return False if it is older than the last one."""
-        return self.estimation.observe(frame, self._standing)
+        used = self.estimation.observe(frame, self._standing)
+        if used and self._signs.under_way:
+            self._signs.observe(frame.measurement, self.input_history, self.clock.time_s)
+        return used
 
     def coast(self) -> bool:
         """Predict over an overdue frame; return False beyond the limit of blind flight."""
@@ -140,6 +152,9 @@ class Pilot:
                 # The earlier process commanded what acts now; the first step starts from there.
                 self.input_history.restart(value)
         self.informed, self._watched = True, False
+        if event is Event.ARM and self.guidance.phase is Phase.GROUND:
+            # A person arms it again after what was wrong.
+            self.vehicle_watch.begin()
         self.guidance.on_event(event, self.estimate, self.clock.time_s)
 
     def watch(self, state: str, value: Array) -> None:
@@ -255,7 +270,9 @@ class Pilot:
         if self.exciter.under_way:
             added = self.exciter.added(inputs, time_s, period_s)
             inputs = np.clip(added, self.model.u_min, self.model.u_max)
-        inputs = as_sent(self.vehicle_watch.without_broken_axis(inputs), self.model)
+        if self._signs.under_way:
+            inputs = self._signs.pulses(inputs, time_s, period_s)
+        inputs = as_sent(self.vehicle_watch.without_broken_axes(inputs), self.model)
         self._check_vehicle(inputs[0], time_s)
         return ControlOutput(inputs[0], inputs[1:], step.plan, delay_s, self.reference, nominal, sent)
 
@@ -268,6 +285,7 @@ class Pilot:
             for number in range(len(inputs))
         ]
         self._flown_by_controller = False
+        self._signs.end()
         self.cooperation.rest()
         self.plan = self.reference = None
         plan = resting(self.estimate, period_s, self.controller.horizon)
@@ -287,10 +305,15 @@ class Pilot:
         self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
 
     def _check_vehicle(self, command: Array, time_s: float) -> None:
-        """Land if the vehicle does not follow its sticks."""
+        """Land if the vehicle does not follow its sticks, or follows them the wrong way."""
         seen_in_flight = self.estimation.blind_s == 0.0 and not self._standing
         informative = seen_in_flight and self.guidance.phase in _INFORMATIVE
         fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
+        if self._signs.under_way:
+            if self.guidance.phase is Phase.EMERGENCY:
+                self._signs.begin(time_s + SETTLING_S, lifted=False)
+            elif fault is None:
+                self.vehicle_watch.fault = fault = self._signs.judge(time_s)
         if fault is not None:
             self.events[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
@@ -322,11 +345,16 @@ class Pilot:
         """Hand the vehicle, which has left the floor, over to the controller."""
         lifted, carrying_thrust = self._lift_off.handed_over(self.estimate.motion, time_s)
         self.estimator.take_over(lifted)
-        self.guidance.lifted(self.estimate, time_s)
+        # It climbs once its sticks have been proved, or nearly so.
+        above = self.estimate.motion.copy()
+        above[Z] += PROOF_M
+        self.guidance.lifted(self.estimate._replace(motion=above), time_s + CLIMB_AFTER_S)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
         carrying[U_THRUST] = carrying_thrust
         self._lift_off.end()
+        self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
+        self._signs.begin(time_s, lifted=True, floor_m=self._lift_off.floor_m)
         self._start_controller(self.estimation.compensated(self.model), carrying)
 
     def _start_controller(self, estimate: Estimate, last_input: Array) -> None:

@@ -45,6 +45,7 @@ def command_message(
         input=four(flight.input),
         next_inputs=FloatArray.of(flight.next_inputs),
         period_s=settings.period_s,
+        given_up=pilot.given_up,
         timing=timing,
     )
 

@@ -175,6 +175,8 @@ class Command(Message, frozen=True, kw_only=True):
     next_inputs: FloatArray
     """The following planned inputs, `period_s` apart, shape (k, 4)."""
     period_s: Period
+    given_up: Text | None = None
+    """Why the agent has given up the flight: the vehicle, which stands, has to be disarmed."""
     timing: CommandTiming | None = None
     """Absent where the frame was predicted, not seen."""
 

@@ -235,6 +235,7 @@ class Arbiter:
                 Condition.LOW_COMMANDED: stream.is_low(now_s, limits),
             }
         found = {condition for condition, true in holds.items() if true}
+        self._find(Condition.GIVEN_UP, None if stream is None else stream.command.given_up, found)
         self._judge_poses(found, now_s)
         if state in FLYING:
             failing = Condition.SINKING if self.lift_off.sinking else Condition.LIFT_OFF
@@ -274,14 +275,13 @@ class Arbiter:
             self._details[condition] = detail
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
-        motion = self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)
-        if motion is None:
+        if (motion := self.pose_monitor.own_motion(now_s, self.limits.landing.pose_age_s)) is None:
             self._touchdown.release()
             return
         found.add(Condition.SEEN)
         self._located = True
-        in_air = motion.position_m[2] >= self._floor_m + self.limits.airborne_m
-        if in_air and self.lift_off.problem is None:  # else it is not believed
+        airborne_m = self._floor_m + self.limits.airborne_m
+        if motion.position_m[2] >= airborne_m and self.lift_off.problem is None:  # else not believed
             found.add(Condition.AIRBORNE)
             self._climb_m_s = motion.velocity_m_s[2]
         fence = self.limits.surveillance.fence
@@ -329,8 +329,7 @@ class Arbiter:
             self._enter(row, now_s)
         acting = stream if self.state is State.ARMED else None
         played = 0 if acting is None else bridging
-        if played > self._bridging_step:
-            self.counters["planned inputs played"] += played - self._bridging_step
+        self.counters["planned inputs played"] += max(played - self._bridging_step, 0)
         self._bridging_step = played
         return acting
 
@@ -386,8 +385,7 @@ class Arbiter:
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
-        if self._event_s is None:
-            self._event_s = self._found_event_s()
+        self._event_s = self._found_event_s() if self._event_s is None else self._event_s
         return self._event_s
 
     def _found_event_s(self) -> float:

@@ -97,6 +97,7 @@ class AcceptedCommand(Struct, frozen=True):
     u: Input
     next_u: tuple[Input, ...]
     period_s: float
+    given_up: str | None = None
 
 
 class Stream(Struct):
@@ -179,7 +180,7 @@ class CommandValidator:
             if isinstance(checked, Rejection):
                 return checked
             inputs.append(checked)
-        return AcceptedCommand(Cause(*numbers), inputs[0], tuple(inputs[1:]), float(period))
+        return AcceptedCommand(Cause(*numbers), inputs[0], tuple(inputs[1:]), float(period), command.given_up)
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input, or return the worst reason against it: form, then finiteness, then limits."""

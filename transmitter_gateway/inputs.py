@@ -71,6 +71,7 @@ class CommandInput(Struct, frozen=True):
     u: Sequence[float]
     next_u: Sequence[Sequence[float]] = ()  # planned inputs of the following periods, shape (k, 4)
     period_s: float = 0.02
+    given_up: str | None = None  # why the agent has given up the flight of a vehicle that stands
 
 
 class PoseInput(Struct, frozen=True):

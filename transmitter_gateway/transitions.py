@@ -34,6 +34,7 @@ class Condition(StrEnum):
     TOUCHDOWN = "touched down"
     RUNAWAY = "far outside the fence without obeying"
     IMPLAUSIBLE = "pose not plausible"
+    GIVEN_UP = "flight given up"
     LIFT_OFF = "lift-off fails"
     SINKING = "lift-off fails and it sinks"
     HOLD_CAUSE = "surveillance: hold"
@@ -75,6 +76,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition(FLYING, {_C.DISARM, _C.GROUNDED}, _S.DISARMED, "disarmed"),
     Transition(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
     Transition({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
+    Transition({_S.ARMED}, {_C.GIVEN_UP, _C.GROUNDED}, _S.DISARMED, "given up"),
     Transition({_S.ARMED}, {_C.IMPLAUSIBLE, _C.GROUNDED}, _S.DISARMED, "on the floor"),
     Transition({_S.ARMED}, {_C.GROUNDED}, _S.DISARMED, "transmitter not ready", unless={_C.READY}),
     Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),

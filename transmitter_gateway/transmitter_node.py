@@ -59,6 +59,7 @@ class TransmitterNode:
                 u=message.input,
                 next_u=message.next_inputs.rows(),
                 period_s=message.period_s,
+                given_up=message.given_up,
             )
             now_s = clock()
             if self.transmitter.on_command(command, now_s).accepted:

@@ -47,7 +47,7 @@ class LiftOff:
         largest = float(model.u_max[U_THRUST]) / self._hover
         self._pulse = _pulse(self._hover, largest, float(model.lag_s[U_THRUST]))
         self._begun_s = math.inf
-        self._floor_m = 0.0
+        self.floor_m = 0.0
 
     @property
     def under_way(self) -> bool:
@@ -56,7 +56,7 @@ class LiftOff:
 
     def begin(self, time_s: float, floor_m: float) -> None:
         """Begin to turn the rotor up; `floor_m` is the height of the standing vehicle."""
-        self._begun_s, self._floor_m = time_s, floor_m
+        self._begun_s, self.floor_m = time_s, floor_m
 
     def pause(self, time_s: float) -> None:
         """Keep the thrust that lifts no vehicle while nothing is seen; then it rises anew."""
@@ -78,7 +78,7 @@ class LiftOff:
 
         `motion` is as estimated on the floor, shape (8,).
         """
-        share, climb_m_s = self._carrying(float(motion[Z]) - self._floor_m, time_s)
+        share, climb_m_s = self._carrying(float(motion[Z]) - self.floor_m, time_s)
         climbing = motion.copy()
         climbing[ZD_BODY] = climb_m_s
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
@@ -105,7 +105,7 @@ class LiftOff:
 
     def lifted(self, height_m: float) -> bool:
         """Whether the vehicle has left the floor."""
-        return self.under_way and height_m > self._floor_m + LIFTED_M
+        return self.under_way and height_m > self.floor_m + LIFTED_M
 
     def failed(self, time_s: float) -> bool:
         """Whether it has not lifted, and has sunk to the floor if it did so unseen."""

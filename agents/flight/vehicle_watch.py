@@ -61,7 +61,7 @@ class VehicleFault:
 
     kind: str  # name under which it is counted
     text: str  # description for people
-    axis: int | None = None  # stick that should rest from now on; None if all sticks work
+    axes: tuple[int, ...] = ()  # sticks that should rest from now on
 
 
 class _Moment(NamedTuple):
@@ -136,12 +136,13 @@ class VehicleWatch:
         self.fault = self._judge(command, motion)
         return self.fault
 
-    def without_broken_axis(self, inputs: Array) -> Array:
-        """Return inputs, shape (k, 4), that leave a broken axis at rest."""
-        if self.fault is None or self.fault.axis is None:
+    def without_broken_axes(self, inputs: Array) -> Array:
+        """Return inputs, shape (k, 4), that leave broken axes at rest."""
+        if self.fault is None or not self.fault.axes:
             return inputs
         kept = inputs.copy()
-        kept[:, self.fault.axis] = self._rest[self.fault.axis]
+        rest = list(self.fault.axes)
+        kept[:, rest] = self._rest[rest]
         return kept
 
     def _judge(self, command: Array, motion: Array) -> VehicleFault | None:
@@ -213,8 +214,8 @@ class _StickEffect:
         if self._dead_for_s < AXIS_PATIENCE_S:
             return None
         if effect < REVERSED_EFFECT:
-            return VehicleFault("axis_reversed", f"{name} acts the wrong way round", self._axis)
-        return VehicleFault("axis_dead", f"{name} has no effect", self._axis)
+            return VehicleFault("axis_reversed", f"{name} acts the wrong way round", (self._axis,))
+        return VehicleFault("axis_dead", f"{name} has no effect", (self._axis,))
 
     def _effect(self, first: _Moment, last: _Moment) -> float:
         """Return what the stick has done in a window as a share of what it demanded."""

@@ -56,11 +56,12 @@ class TakeOffs:
 
     def __init__(
         self, types: dict[str, str], conditions: str = "helicopter", seed: int = 1, rate_hz: int = 50,
-        position_noise_m: float = 0.0003,
+        position_noise_m: float = 0.0003, measured_tilt: bool = True,
     ) -> None:  # fmt: skip
         text = FILE + "".join(
             f'[vehicles.{name}]\ntype = "{kind}"\nsubject = "{name}"\n'
             f'transmitter = {{ port = "radio-{name}" }}\n'
+            f"control = {{ estimator_settings = {{ measured_tilt = {str(measured_tilt).lower()} }} }}\n"
             for name, kind in types.items()
         )
         fleet = parse_fleet(text)
@@ -81,7 +82,8 @@ class TakeOffs:
             self.arbiters[name] = arbiter = Arbiter(name, limits_of(fleet, name), hover, SLEW)
             arbiter.link(LinkState.READY)
             arbiter.bid(1, 0.0, take_over=False)
-        self.views: dict[str, View] = {name: partial(self.laboratory.measured_pose, name) for name in types}
+        self.measured_tilt = measured_tilt
+        self.views: dict[str, View] = {name: partial(self._seen, name) for name in types}
         self.commands: dict[str, Callable[[], tuple[float, ...]]] = {}
         """Inputs of another program instead of those of the pilot."""
         self.radios = {name: name for name in types}
@@ -90,6 +92,10 @@ class TakeOffs:
         self.hardest_m_s = dict.fromkeys(types, 0.0)
         self._applied: dict[str, list[tuple[str, int, np.ndarray]]] = {name: [] for name in types}
         self._sequence = 0
+
+    def _seen(self, name: str) -> BodyPose:
+        pose = self.laboratory.measured_pose(name)
+        return pose if self.measured_tilt else BodyPose(pose.position_m, pose.yaw_rad)
 
     @property
     def now_s(self) -> float:
@@ -183,4 +189,7 @@ class TakeOffs:
         if name in self.commands:
             value, planned = np.array(self.commands[name]()), np.zeros((0, 4))
         u, next_u = tuple(map(float, value)), [tuple(map(float, row)) for row in planned]
-        self.arbiters[name].command(CommandInput(1, 1, self._sequence, self.frame, u, next_u), self.now_s)
+        command = CommandInput(
+            1, 1, self._sequence, self.frame, u, next_u, CONTROL_S, self.pilots[name].given_up
+        )
+        self.arbiters[name].command(command, self.now_s)

@@ -94,6 +94,7 @@ MEANINGS: dict[Condition, Callable[[Moment], z3.BoolRef]] = {
     C.SILENT: lambda m: z3.And(_stream(m), m.old("command_s", LIMITS.descend_after_s)),
     C.GONE: lambda m: z3.And(_stream(m), m.old("command_s", LIMITS.cut_after_s)),
     C.LOW_COMMANDED: lambda m: z3.And(_stream(m), m.facts[C.LOW_COMMANDED]),
+    C.GIVEN_UP: lambda m: z3.And(_stream(m), m.facts[C.GIVEN_UP]),
     C.GROUNDED: _grounded,
     C.IDLE: lambda m: z3.And(
         m.within({State.ARMED}),

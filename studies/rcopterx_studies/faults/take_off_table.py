@@ -21,7 +21,7 @@ from rcopterx.simulator.faults import (
 )
 from rcopterx_studies.faults.bench import FaultFlight, TakeOff
 from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
-from rcopterx_studies.faults.promise import Promise
+from rcopterx_studies.faults.promise import Promise, PromisedLimits
 
 FLEET: Final = Path(__file__).with_name("types.toml")
 BESIDE: Final = {
@@ -38,6 +38,11 @@ MOMENTS: Final[dict[str, tuple[str, float | None]]] = {
     "lifting": ("0.8 s after take-off is requested", 0.8),
 }
 IN_LIFT_OFF: Final = frozenset({"jumped", "raised"})  # on the floor, another place is as good as the true one
+IN_PROOF: Final = PromisedLimits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.3)
+"""Of sticks that act the wrong way, which only a vehicle that has lifted can show."""
+SIGNS: Final = frozenset(
+    {"pitch-reversed", "roll-reversed", "yaw-reversed", "exchanged", "nose-backwards", "trim"}
+)
 POSE: Final = "pose|position|see"
 STICK: Final = "pitch|roll|yaw|nose|stick|axis"
 FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
@@ -95,6 +100,7 @@ def _rows() -> Iterator[FaultFlight]:
                     f"Take-off of {vehicle}: {title}, {when}",
                     (LaboratoryFault(fault(vehicle)),),
                     Promise.STAYS_DOWN,
+                    limits=IN_PROOF if kind in SIGNS else None,
                     page_row=(
                         f"take-off-{kind}-*",
                         f"Take-off of each type: {title}, from the floor on or later",

@@ -78,7 +78,7 @@ def test_an_axis_without_effect_and_a_reversed_one_are_told_apart(
         flown = Flown(period_s=period_s)
         assert flown.holding(2.0) is None
         flown.gain[axis] = gain
-        assert flown.fly(1.5, held(axis, value)) == VehicleFault(kind, text, axis)
+        assert flown.fly(1.5, held(axis, value)) == VehicleFault(kind, text, (axis,))
 
 
 sticks = st.floats(-1.0, 1.0)
@@ -123,7 +123,7 @@ def test_a_rotor_that_becomes_weak_is_noticed_within_two_seconds(left: float) ->
     flown.gain[U_THRUST] = left
     fault = flown.holding(2.0)
     assert fault is not None
-    assert (fault.kind, fault.axis) == ("thrust_lost", None)
+    assert (fault.kind, fault.axes) == ("thrust_lost", ())
 
 
 @pytest.mark.parametrize("left", [1.2, 0.8])

@@ -207,10 +207,12 @@ def flown_hastily(recorded: RecordedAgent) -> tuple[list[AgentStep], list[Messag
 
 
 def test_steps_given_up_for_time_are_given_up_again(follower: RecordedAgent) -> None:
-    # With small sticks the first attempt of a solver fails, so that it asks for time.
+    # Within small sticks and slow motion the first attempt of a solver fails, so that it asks for time.
     small = {
         "input_min": [-0.02, -0.02, 0.0, -0.02],
         "input_max": [0.02, 0.02, 0.56, 0.02],
+        "state_min": [-0.05, -0.05, 0.0, -0.02, -0.02, -0.05, -0.05],
+        "state_max": [0.05, 0.05, 1.0, 0.02, 0.02, 0.05, 0.05],
         "max_iterations": 1,
     }
     follower = replace(follower, fleet=changed(follower.fleet, "h2", small))
