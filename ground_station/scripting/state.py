@@ -118,6 +118,11 @@ class VehicleState:
         return () if self.agent is None else self.agent.assigned
 
     @property
+    def given_up(self) -> str:
+        """Why its agent has given up the flight, or what it remarks; empty without a reason."""
+        return "" if self.agent is None else "; ".join(self.agent.diagnostics.remarks)
+
+    @property
     def error_m(self) -> float | None:
         """Distance from the reference according to the agent; None on the floor."""
         if self.plan is not None:
