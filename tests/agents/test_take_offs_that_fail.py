@@ -12,6 +12,7 @@ from rcopterx.transmitter_gateway.inputs import State
 TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
 HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
+FROM_CLEAR_M_S = 1.4  # of a vehicle that sinks from 0.4 m under 0.76 of its hover thrust
 
 
 @pytest.mark.parametrize("kind", TYPES)
@@ -95,7 +96,7 @@ def test_a_pose_that_becomes_wrong_just_after_the_lift_off_ends_it_below_0_4_m(
     }[wrong]
     bench.run(4.0)
     assert bench.highest_m["h1"] < 0.4
-    assert bench.hardest_m_s["h1"] < 1.3
+    assert bench.hardest_m_s["h1"] < FROM_CLEAR_M_S
     assert bench.plants["h1"].on_floor
     assert bench.arbiters["h1"].state is State.CUT
     assert "lift-off: its pose" in bench.arbiters["h1"].reason
