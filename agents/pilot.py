@@ -334,7 +334,7 @@ class Pilot:
             self._lift_off.pause(time_s)
         elif phase is not Phase.TAKEOFF:
             self._lift_off.end()
-        elif self._lift_off.lifted(float(self.estimate.motion[Z])):
+        elif self._lift_off.lifted(float(self.estimate.motion[Z]), time_s):
             self._hand_over(time_s)
         elif self._lift_off.failed(time_s):
             self._lift_off.end()

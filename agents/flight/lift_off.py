@@ -103,9 +103,9 @@ class LiftOff:
         step = _step(max(time_s - self._model.delay_s - self._begun_s, 0.0))
         return self._pulse.acting[: step + 1]
 
-    def lifted(self, height_m: float) -> bool:
-        """Whether the vehicle has left the floor."""
-        return self.under_way and height_m > self.floor_m + LIFTED_M
+    def lifted(self, height_m: float, time_s: float) -> bool:
+        """Whether the vehicle has left the floor, by a thrust that may lift it."""
+        return time_s >= self._begun_s + SPOOL_UP_S and height_m > self.floor_m + LIFTED_M
 
     def failed(self, time_s: float) -> bool:
         """Whether it has not lifted, and has sunk to the floor if it did so unseen."""

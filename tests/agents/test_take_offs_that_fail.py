@@ -102,6 +102,19 @@ def test_a_pose_that_becomes_wrong_just_after_the_lift_off_ends_it_below_0_4_m(
     assert "lift-off: its pose" in bench.arbiters["h1"].reason
 
 
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_vehicle_that_is_shown_higher_while_it_waits_for_its_turn_stays_on_the_floor(kind: str) -> None:
+    bench = TakeOffs({"h1": kind})
+    bench.pilots["h1"].lift_off_delay_s = 0.55
+    bench.take_off("h1")
+    bench.run(0.2)
+    bench.views["h1"] = raised(bench.views["h1"])
+    bench.run(4.0)
+    assert bench.highest_m["h1"] == 0.0
+    assert bench.arbiters["h1"].state is State.DISARMED
+    assert "h1 moves: 100 mm on the floor" in bench.arbiters["h1"].reason
+
+
 def exchange(bench: TakeOffs) -> None:
     bench.views["h1"], bench.views["h2"] = bench.views["h2"], bench.views["h1"]
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
+from rcopterx.agents.assembly import LIFT_OFF_TURN_S, LIFT_OFF_TURNS
 from rcopterx.simulator.faults import (
     BreakRadio,
     BreakVehicle,
@@ -34,8 +35,8 @@ BESIDE: Final = {
 ON_FLOOR: Final = "on-floor"
 MOMENTS: Final[dict[str, tuple[str, float | None]]] = {
     ON_FLOOR: ("on the floor", None),
-    "at-start": ("0.2 s after take-off is requested", 0.2),
-    "lifting": ("0.8 s after take-off is requested", 0.8),
+    "at-start": ("0.2 s after its rotor begins to turn", 0.2),
+    "lifting": ("0.8 s after its rotor begins to turn", 0.8),
 }
 IN_LIFT_OFF: Final = frozenset({"jumped", "raised"})  # on the floor, another place is as good as the true one
 IN_PROOF: Final = PromisedLimits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.3)
@@ -94,7 +95,8 @@ def moments_of(kind: str) -> dict[str, tuple[str, float | None]]:
 def _rows() -> Iterator[FaultFlight]:
     for kind, (title, fault, cause) in FAULTS.items():
         for moment, (when, after_s) in moments_of(kind).items():
-            for vehicle in BESIDE:
+            for place, vehicle in enumerate(BESIDE):
+                turn_s = LIFT_OFF_TURN_S * (place % LIFT_OFF_TURNS)
                 yield FaultFlight(
                     f"take-off-{kind}-{moment}-{vehicle}",
                     f"Take-off of {vehicle}: {title}, {when}",
@@ -105,7 +107,7 @@ def _rows() -> Iterator[FaultFlight]:
                         f"take-off-{kind}-*",
                         f"Take-off of each type: {title}, from the floor on or later",
                     ),
-                    take_off=TakeOff(vehicle, after_s, cause),
+                    take_off=TakeOff(vehicle, None if after_s is None else turn_s + after_s, cause),
                     fleet=FLEET,
                 )
 

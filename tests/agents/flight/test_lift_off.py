@@ -142,10 +142,20 @@ def test_it_is_seen_a_little_above_where_it_stood_and_nowhere_else(
     model: Model, begun_s: float, floor_m: float
 ) -> None:
     lift_off = LiftOff(model)
-    assert not lift_off.lifted(floor_m + 1.0)
+    lifting_s = begun_s + SPOOL_UP_S
+    assert not lift_off.lifted(floor_m + 1.0, lifting_s)
     lift_off.begin(begun_s, floor_m)
-    assert not lift_off.lifted(floor_m + 0.5 * LIFTED_M)
-    assert lift_off.lifted(floor_m + 2 * LIFTED_M)
+    assert not lift_off.lifted(floor_m + 0.5 * LIFTED_M, lifting_s)
+    assert lift_off.lifted(floor_m + 2 * LIFTED_M, lifting_s)
+
+
+@given(models, times_s, st.floats(0.0, 0.99))
+def test_a_vehicle_that_is_shown_higher_before_its_rotor_can_lift_it_has_not_lifted(
+    model: Model, begun_s: float, share: float
+) -> None:
+    lift_off = LiftOff(model)
+    lift_off.begin(begun_s + 0.55, 0.0)
+    assert not lift_off.lifted(0.1, begun_s + share * (0.55 + SPOOL_UP_S))
 
 
 @given(models, times_s)
