@@ -354,7 +354,8 @@ class Pilot:
         carrying[U_THRUST] = carrying_thrust
         self._lift_off.end()
         self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
-        self._signs.begin(time_s, lifted=True, floor_m=self._lift_off.floor_m)
+        height_m = float(self.estimate.motion[Z])
+        self._signs.begin(time_s, lifted=True, floor_m=self._lift_off.floor_m, height_m=height_m)
         self._start_controller(self.estimation.compensated(self.model), carrying)
 
     def _start_controller(self, estimate: Estimate, last_input: Array) -> None:

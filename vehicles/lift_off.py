@@ -19,8 +19,7 @@ WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
 SINKING_S: Final = 1.2  # time in which a vehicle sinks after a problem
-STOPPED_S: Final = 0.3  # a vehicle that has risen and is not proved yet moves on within this time...
-STOPPED_M: Final = 0.003  # ...by so much
+STOPPED_M: Final = 0.003  # a vehicle that has risen moves on by so much before it may be so fast unseen
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 STARTED: Final = 0.02  # share of the hover thrust from which on the vehicle is not in a hand
 TURNING: Final = 0.2  # share of the hover thrust from which on the rotor may do harm
@@ -106,7 +105,7 @@ class LiftOffProof:
         self._rose = False
         self._unseen_m = self._unseen_m_s = 0.0  # height and climb rate of a vehicle like its model
         self._sunk_s, self._flew, self._braked = 0.0, False, False  # since a problem
-        self._moved_m, self._moved_s = 0.0, -math.inf  # height at which the vehicle was when it moved last
+        self._moved_m = self._moved_m_s = 0.0  # seen height and unseen climb rate when it moved last
         self._others: dict[str, _Other] = {}
 
     @property
@@ -173,7 +172,7 @@ class LiftOffProof:
             # Where it moved meanwhile was not seen.
             x, y, _ = pose.position_m
             self._stands = SeenPose((x, y, self._stands.position_m[2]), self._stands.tilt_rad)
-            self._moved_s = now_s
+            self._moved_m_s = self._unseen_m_s
         if self._repeats == 0:
             self._follow(self._stands.position_m[2])
         if not self.proved:
@@ -220,7 +219,7 @@ class LiftOffProof:
 
     def _judge(self, pose: SeenPose, stands: SeenPose) -> None:
         """Judge the mean of the newest poses against where the vehicle stood."""
-        rise_m, last_s = self._rise_m, self._newest[-1][0]
+        rise_m = self._rise_m
         x, y = (math.fsum(place[axis] for _, place in self._newest) / len(self._newest) for axis in (0, 1))
         if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
@@ -233,8 +232,8 @@ class LiftOffProof:
             self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
         low_m = ROSE_M if self._acting > self._limits.hover_thrust else MAT_M
         if rise_m < low_m or abs(rise_m - self._moved_m) > STOPPED_M:
-            self._moved_m, self._moved_s = rise_m, last_s
-        elif last_s > self._moved_s + STOPPED_S:
+            self._moved_m, self._moved_m_s = rise_m, self._unseen_m_s
+        elif self._unseen_m_s > self._moved_m_s + UNSEEN_M_S:
             self._end("its pose rose and stopped: is its subject another body?")
         self.proved = self.problem is None and rise_m > PROVED_M
 

@@ -46,11 +46,12 @@ ROUND_S: Final = PULSE_S * len(PULSES) + 0.14  # pulses and the answer to the la
 PULSE_M_S2: Final = 0.8  # acceleration that a pulse of pitch or roll asks for
 PULSE_RAD_S: Final = 1.0  # yaw rate that it asks for
 LARGEST_PULSE: Final = 0.5  # of the room of a stick
-CLEAR_M: Final = 0.006  # a vehicle that is lower may stand on the floor and answer no pulse
-PROOF_M: Final = 0.12  # height above the floor meanwhile, where poses have proved themselves
+CLEAR_M: Final = 0.012  # a vehicle that is lower may touch the floor again and answer no pulse
+WAITING_S: Final = 0.03  # so long after it was lower, more than a control period, the pulses begin
+PROOF_M: Final = 0.11  # height above the floor meanwhile, where poses have proved themselves
 CLIMB_AFTER_S: Final = 0.6  # so long after the lift-off the climb begins
 SETTLING_S: Final = 0.4  # after an interruption the vehicle settles before the proof begins again
-LIFTED_S: Final = 0.08  # a vehicle has left the floor so long before that is seen
+LIFTED_S: Final = 0.1  # a vehicle has left the floor so long before it is clear of it
 
 EARLY_S: Final = 0.2  # so long after the beginning of a round pitch and roll are judged...
 EARLY_LEAD: Final = 0.8  # ...if the effects are by so much nearer to one reading than to the next one,
@@ -94,11 +95,13 @@ class SignProof:
         """Whether a stick has still to be proved."""
         return bool(self._open)
 
-    def begin(self, time_s: float, *, lifted: bool, floor_m: float = -math.inf) -> None:
+    def begin(
+        self, time_s: float, *, lifted: bool, floor_m: float = -math.inf, height_m: float = math.inf
+    ) -> None:
         """Begin, now or later: the vehicle has `lifted`, or flies again after an interruption."""
         self._open, self._rounds, self._lifted = set(STICKS), 0, lifted
         self._clear_m = floor_m + CLEAR_M
-        self._begin_round(time_s)
+        self._begin_round(time_s + (WAITING_S if height_m < self._clear_m else 0.0))
 
     def end(self) -> None:
         """End without a result."""
@@ -123,9 +126,7 @@ class SignProof:
         pulsed = inputs.copy()
         for number in range(len(pulsed)):
             place = math.floor((time_s + number * period_s - self._begun_s) / PULSE_S + 1e-6)
-            if place < 0:
-                continue
-            pulse = PULSES[place] if place < len(PULSES) else np.zeros(len(STICKS))
+            pulse = PULSES[place] if 0 <= place < len(PULSES) else np.zeros(len(STICKS))
             for axis, size, share in zip(STICKS, self._sizes, pulse, strict=True):
                 if axis in self._open:
                     pulsed[number, axis] = size * share
@@ -133,6 +134,10 @@ class SignProof:
 
     def observe(self, measurement: Measurement | None, inputs: InputHistory, time_s: float) -> None:
         """Advance the responses to a frame, and use what it shows."""
+        if measurement is not None and measurement.position_m[2] < self._clear_m:
+            self._lifted = self._lifted and time_s < self._begun_s
+            self._rounds -= 1
+            self._begin_round(time_s + WAITING_S)
         if time_s < self._begun_s or (measurement is None and self._yaw_rad is None):
             return
         before_rad = (
@@ -154,10 +159,7 @@ class SignProof:
                 applied = np.array((0.0, 0.0, *two))
                 self._turning[number] = predict(self._model, self._turning[number], applied, duration_s)
         self._until_s = max(self._until_s, time_s)
-        if measurement is not None and measurement.position_m[2] < self._clear_m:
-            self._rounds, self._lifted = self._rounds - 1, False
-            self._begin_round(time_s)
-        elif measurement is not None:
+        if measurement is not None:
             self._use(measurement, self._yaw_rad, time_s - self._begun_s)
 
     def _tilt(self, number: int, x: float, y: float, duration_s: float) -> None:

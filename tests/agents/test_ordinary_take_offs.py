@@ -21,6 +21,7 @@ from rcopterx.vehicles.phases import Phase
 RISEN_M = 0.3
 GIVEN_S = 10.0
 GAP_S = 0.2
+MAT_M_S = 0.3  # speed at which a soft mat gives way
 EMPTY_SHARE = 0.7  # of its thrust that an empty battery has left: the largest sag of the battery in flights
 LATER_S = 1.0
 BEFORE_S = {"coaxial": 2.27, "crazyflie": 2.55, "betaflight": 2.42, "mavlink_quadrotor": 2.28}
@@ -77,16 +78,20 @@ class Ordinary:
         """Poses of a vehicle that sinks into its mat as far as its rotor does not carry it."""
         seen, plant = self.bench.views[name], self.bench.plants[name]
         hover = self.bench.pilots[name].model.hover_thrust
+        sunk_m = self.mat_m
 
         def pose() -> BodyPose | None:
+            nonlocal sunk_m
             found = seen()
+            thrust = float(self.bench.pilots[name].input_history.newest[2])
+            carried_m = self.mat_m * max(0.0, 1.0 - thrust / hover) if plant.on_floor else 0.0
+            step_m = MAT_M_S * self.bench.frame_s
+            sunk_m += min(max(carried_m - sunk_m, -step_m), step_m)
             if found is None or self.gap_s <= self.bench.now_s - self.began_s < self.gap_s + GAP_S:
                 return None
             if not plant.on_floor:
                 return found
-            thrust = float(self.bench.pilots[name].input_history.newest[2])
             x, y, z = found.position_m
-            sunk_m = self.mat_m * max(0.0, 1.0 - thrust / hover)
             return BodyPose((x, y, z - sunk_m), found.yaw_rad, found.pitch_rad, found.roll_rad)
 
         return pose
