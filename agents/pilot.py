@@ -311,7 +311,7 @@ class Pilot:
         fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
         if self._signs.under_way:
             if self.guidance.phase is Phase.EMERGENCY:
-                self._signs.begin(time_s + SETTLING_S, lifted=False)
+                self._signs.begin(time_s + SETTLING_S)
             elif fault is None:
                 self.vehicle_watch.fault = fault = self._signs.judge(time_s)
         if fault is not None:
@@ -355,7 +355,7 @@ class Pilot:
         self._lift_off.end()
         self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
         height_m = float(self.estimate.motion[Z])
-        self._signs.begin(time_s, lifted=True, floor_m=self._lift_off.floor_m, height_m=height_m)
+        self._signs.begin(time_s, floor_m=self._lift_off.floor_m, height_m=height_m)
         self._start_controller(self.estimation.compensated(self.model), carrying)
 
     def _start_controller(self, estimate: Estimate, last_input: Array) -> None:

@@ -14,7 +14,7 @@ from rcopterx.vehicles.tuples import Three
 
 PROVED_M: Final = 0.1  # a mean pose so far above the standing one flies...
 CLEAR_M: Final = 0.4  # ...and one so far above it jumps visibly if another body on the floor takes its place
-ROSE_M: Final = 0.004  # one so far above it has risen
+ROSE_M: Final = 0.003  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
@@ -102,7 +102,6 @@ class LiftOffProof:
         self._repeats = 0
         self._tried = False
         self._rise_m = self._climb_m_s = 0.0  # as seen
-        self._rose = False
         self._unseen_m = self._unseen_m_s = 0.0  # height and climb rate of a vehicle like its model
         self._sunk_s, self._flew, self._braked = 0.0, False, False  # since a problem
         self._moved_m = self._moved_m_s = 0.0  # seen height and unseen climb rate when it moved last
@@ -213,7 +212,6 @@ class LiftOffProof:
         self._rise_m = math.fsum(place[2] for _, place in self._newest) / len(self._newest) - stands_m
         (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
         self._climb_m_s = (last[2] - first[2]) / (last_s - first_s) if last_s > first_s else 0.0
-        self._rose = self._rose or self._rise_m > ROSE_M
         if self._rise_m <= ROSE_M < before_m and self.problem is None:
             self._unseen_m = self._unseen_m_s = 0.0  # it stands again
 

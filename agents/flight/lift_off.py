@@ -5,8 +5,9 @@ floor nor the thrust that this battery gives today. So the controller takes over
 left the floor; how high it has risen until then shows its weight.
 
 Nothing proves before that the pose is that of this vehicle. So the thrust is a pulse, as steep as the sticks
-may move: a vehicle as heavy as its model that nothing sees reaches `UNSEEN_M_S`, is braked, and sinks to the
-floor under `RESTING_SHARE`. The steeper a pulse of a given speed, the heavier are the vehicles that it lifts.
+may move: a vehicle as heavy as its model that nothing sees reaches `UNSEEN_M_S` at most, is braked, and sinks
+to the floor under `RESTING_SHARE`. The steeper a pulse of a given speed, the heavier are the vehicles that it
+lifts.
 """
 
 import math
@@ -21,7 +22,9 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, ZD_BODY, Array, Z
 
 SPOOL_UP_S: Final = 0.4
-UNSEEN_M_S: Final = 0.47  # climb rate that a vehicle like its model reaches if nothing sees it
+UNSEEN_M_S: Final = 0.58  # climb rate that a vehicle like its model reaches at most if nothing sees it
+LIGHT: Final = 0.95  # a vehicle of this share of the weight of its model...
+LIGHT_M: Final = 0.13  # ...rises at most so high then
 TRIES: Final = 4  # a receiver may still search its radio, and a lift may not be seen in time
 THRUST_PER_S: Final = 4.0  # rate at which the thrust stick rises, as arbiters permit
 NEAR_FLOOR: Final = 1.05  # by how much more the rotors of a coaxial helicopter lift near the floor
@@ -130,7 +133,16 @@ class _Pulse(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _pulse(hover: float, largest: float, lag_s: float) -> _Pulse:
-    """Pulse of a rotor with a first-order lag and a hover thrust, `largest` as a share of that."""
+    """Largest pulse of a rotor with a first-order lag and a hover thrust, `largest` as a share of that."""
+    for percent in range(100, 0, -4):
+        pulse = _pulse_to(0.01 * percent * UNSEEN_M_S, hover, largest, lag_s)
+        if _highest_m(pulse.acting, LIGHT) < LIGHT_M:
+            break
+    return pulse
+
+
+def _pulse_to(unseen_m_s: float, hover: float, largest: float, lag_s: float) -> _Pulse:
+    """Pulse that brings a vehicle like its model to a climb rate."""
     commanded: list[float] = []
     acting: list[float] = []
     share = climb_m_s = command = 0.0
@@ -143,9 +155,9 @@ def _pulse(hover: float, largest: float, lag_s: float) -> _Pulse:
         elif rising:
             command = min(command + THRUST_PER_S * HELD_S / hover, largest)
             after_m_s = _reached_m_s(share, climb_m_s, command, lag_s)
-            if after_m_s > UNSEEN_M_S:
+            if after_m_s > unseen_m_s:
                 least_m_s = _reached_m_s(share, climb_m_s, 0.0, lag_s)
-                part = max(UNSEEN_M_S - least_m_s, 0.0) / (after_m_s - least_m_s)
+                part = max(unseen_m_s - least_m_s, 0.0) / (after_m_s - least_m_s)
                 command *= part
                 rising, braking = False, True
         else:
@@ -171,6 +183,13 @@ def _reached_m_s(share: float, climb_m_s: float, command: float, lag_s: float) -
     while share > 1.0:
         share, climb_m_s = _after_step(share, climb_m_s, 0.0, lag_s)
     return climb_m_s
+
+
+def _highest_m(acting: Array, share: float) -> float:
+    """Greatest height of a vehicle under a pulse, whose weight is a share of the hover thrust."""
+    from_floor = acting[int(np.argmax(acting > share)) :]
+    climb_m_s = np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
+    return float(STEP_S * np.cumsum(climb_m_s).max())
 
 
 def _risen(acting: Array, share: float) -> tuple[float, float]:

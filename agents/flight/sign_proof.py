@@ -23,7 +23,6 @@ from rcopterx.control.interfaces import NO_TILT, Estimate, Measurement, TiltEsti
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
-    GRAVITY_M_S2,
     INPUT_SIZE,
     MOTION_SIZE,
     U_PITCH,
@@ -48,7 +47,7 @@ PULSE_RAD_S: Final = 1.0  # yaw rate that it asks for
 LARGEST_PULSE: Final = 0.5  # of the room of a stick
 CLEAR_M: Final = 0.012  # a vehicle that is lower may touch the floor again and answer no pulse
 WAITING_S: Final = 0.03  # so long after it was lower, more than a control period, the pulses begin
-PROOF_M: Final = 0.11  # height above the floor meanwhile, where poses have proved themselves
+PROOF_M: Final = 0.1  # height above the floor meanwhile, where poses have proved themselves
 CLIMB_AFTER_S: Final = 0.6  # so long after the lift-off the climb begins
 SETTLING_S: Final = 0.4  # after an interruption the vehicle settles before the proof begins again
 LIFTED_S: Final = 0.1  # a vehicle has left the floor so long before it is clear of it
@@ -59,7 +58,6 @@ SHOWN_S: Final = 0.44  # ...and once all their pulses have been answered...
 SHOWN_FAR_S: Final = 0.52  # ...which the position shows later...
 LEAST_LEAD: Final = 0.2  # ...by so much,
 CERTAIN: Final = 4.0  # ...and by so many standard deviations
-LARGEST_TRIM: Final = 0.35  # stick beside which too little of its range is left
 YAW_FROM_S: Final = 0.2  # when the thrust of a lift-off has settled
 LEAST_EFFECT: Final = 0.15  # of a stick that acts
 ROUNDS: Final = 2  # after so many rounds that show nothing certain the vehicle lands
@@ -88,18 +86,16 @@ class SignProof:
         wanted = np.array((PULSE_M_S2, PULSE_M_S2, PULSE_RAD_S / turning_s))
         self._sizes = np.minimum(wanted / model.b[STICKS], LARGEST_PULSE * model.stick_room[STICKS])
         self._open: set[int] = set()  # sticks that are not proved
-        self._rounds, self._lifted, self._clear_m = 0, False, -math.inf
+        self._rounds, self._clear_m = 0, -math.inf
 
     @property
     def under_way(self) -> bool:
         """Whether a stick has still to be proved."""
         return bool(self._open)
 
-    def begin(
-        self, time_s: float, *, lifted: bool, floor_m: float = -math.inf, height_m: float = math.inf
-    ) -> None:
-        """Begin, now or later: the vehicle has `lifted`, or flies again after an interruption."""
-        self._open, self._rounds, self._lifted = set(STICKS), 0, lifted
+    def begin(self, time_s: float, *, floor_m: float = -math.inf, height_m: float = math.inf) -> None:
+        """Begin, now or later, as soon as the vehicle, now at `height_m`, is clear of the floor."""
+        self._open, self._rounds = set(STICKS), 0
         self._clear_m = floor_m + CLEAR_M
         self._begin_round(time_s + (WAITING_S if height_m < self._clear_m else 0.0))
 
@@ -135,7 +131,6 @@ class SignProof:
     def observe(self, measurement: Measurement | None, inputs: InputHistory, time_s: float) -> None:
         """Advance the responses to a frame, and use what it shows."""
         if measurement is not None and measurement.position_m[2] < self._clear_m:
-            self._lifted = self._lifted and time_s < self._begun_s
             self._rounds -= 1
             self._begin_round(time_s + WAITING_S)
         if time_s < self._begun_s or (measurement is None and self._yaw_rad is None):
@@ -206,9 +201,6 @@ class SignProof:
         place = _reading(self._place_seen, far) if far or not self._tilted else None
         readings = (tilt, place) if self._tilted else (place,)
         found = {None if one is None or not one.certain else one.number for one in readings}
-        fault = self._judge_trim(readings[0], elapsed_s)
-        if fault is not None:
-            return fault
         if 0 in found:
             self._open -= {U_PITCH, U_ROLL}
             return None
@@ -231,25 +223,6 @@ class SignProof:
             return VehicleFault("sign_open", "pitch and roll do not act as modelled", (U_PITCH, U_ROLL))
         return VehicleFault("axis_dead", "yaw has no effect", (U_YAW,))
 
-    def _judge_trim(self, found: "_Reading | None", elapsed_s: float) -> VehicleFault | None:
-        # Beside a trim that is far off, the pulses may be too small to be certain of the rest.
-        # A vehicle that has flown before may be tilted for other reasons.
-        shown = elapsed_s > (SHOWN_S if self._tilted else SHOWN_FAR_S)
-        if not (self._lifted and self._rounds == 1) or found is None or not found.nearly_right:
-            return None
-        if not (found.certain or shown):
-            return None
-        value, deviation = found.value[4:8], found.deviation[4:6]
-        trim = value[:2]
-        if self._tilted and self._yaw_rad is not None:
-            # A tilt from the beginning on is one that the trim had caused before.
-            trim = trim + GRAVITY_M_S2 * heading_matrix(-self._yaw_rad) @ value[2:] / self._model.b[:2]
-        axis = int(np.argmax(np.abs(trim)))
-        if abs(trim[axis]) < max(LARGEST_TRIM, CERTAIN * deviation[axis]):
-            return None
-        text = f"{('pitch', 'roll')[axis]} acts as if its stick were moved by {trim[axis]:+.2f}: trim it"
-        return VehicleFault("trim", text)
-
     def _judge_yaw(self) -> VehicleFault | None:
         found = self._yaw_seen.fitted()
         if found is None or abs(found[0][0]) < max(LEAST_EFFECT, CERTAIN * found[1][0]):
@@ -265,9 +238,6 @@ class _Reading(NamedTuple):
 
     number: int
     certain: bool
-    nearly_right: bool  # whether the first of them is at least half as likely
-    value: Array  # coefficients, and their standard deviations
-    deviation: Array
 
 
 def _reading(seen: "_Regression", shown: bool) -> _Reading | None:
@@ -282,7 +252,7 @@ def _reading(seen: "_Regression", shown: bool) -> _Reading | None:
     certain = lead > max(LEAST_LEAD if shown else EARLY_LEAD, CERTAIN * float(deviation[:4].max()))
     if best == 0:
         certain = certain and lead > 2.0 * LEAST_EFFECT
-    return _Reading(best, certain, bool(2.0 * shares[0] > shares[best]), value, deviation)
+    return _Reading(best, certain)
 
 
 class _Regression:

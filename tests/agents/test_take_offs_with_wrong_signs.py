@@ -21,7 +21,6 @@ FAULTS = {
     "roll acts the wrong way": PlantFaults(stick_gain=(1.0, -1.0, 1.0, 1.0)),
     "yaw acts the wrong way": PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0)),
     "pitch and roll are exchanged": PlantFaults(exchanged=True),
-    "roll acts as if its stick were moved": PlantFaults(trim=(0.0, 0.5, 0.0, 0.0)),
 }
 
 
@@ -53,7 +52,7 @@ def landed_at_once(bench: TakeOffs, cause: str) -> None:
 CASES = [
     *((kind, cause) for cause in ("pitch acts the wrong way", "yaw acts the wrong way") for kind in TYPES),
     *(("coaxial", cause) for cause in list(FAULTS)[3:]),
-    *(("betaflight", cause) for cause in ("roll acts the wrong way", "roll acts as if its stick were moved")),
+    ("betaflight", "roll acts the wrong way"),
 ]
 
 

@@ -41,9 +41,7 @@ MOMENTS: Final[dict[str, tuple[str, float | None]]] = {
 IN_LIFT_OFF: Final = frozenset({"jumped", "raised"})  # on the floor, another place is as good as the true one
 IN_PROOF: Final = PromisedLimits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.3)
 """Of sticks that act the wrong way, which only a vehicle that has lifted can show."""
-SIGNS: Final = frozenset(
-    {"pitch-reversed", "roll-reversed", "yaw-reversed", "exchanged", "nose-backwards", "trim"}
-)
+SIGNS: Final = frozenset({"pitch-reversed", "roll-reversed", "yaw-reversed", "exchanged", "nose-backwards"})
 POSE: Final = "pose|position|see"
 STICK: Final = "pitch|roll|yaw|nose|stick|axis"
 FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
