@@ -74,7 +74,6 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
         STICK,
     ),
     "nose-backwards": ("its object has the nose backwards", TurnPose, STICK),
-    "trim": ("its roll trim is off by 0.5", lambda n: BreakVehicle(n, trim=(0.0, 0.5, 0.0, 0.0)), "."),
     "weak": (
         "it has three tenths of its thrust",
         lambda n: BreakVehicle(n, thrust_factor=0.3),
