@@ -329,7 +329,8 @@ class Arbiter:
             self._enter(row, now_s)
         acting = stream if self.state is State.ARMED else None
         played = 0 if acting is None else bridging
-        self.counters["planned inputs played"] += max(played - self._bridging_step, 0)
+        if played > self._bridging_step:
+            self.counters["planned inputs played"] += played - self._bridging_step
         self._bridging_step = played
         return acting
 
