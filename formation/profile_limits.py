@@ -33,7 +33,7 @@ def profile_limits_of(links: FormationGraph, models: Mapping[str, Model], name: 
             continue
         speeds, reach = _speeds(model), model.reach
         rate = np.minimum(rate, SPEED_SHARE * speeds)
-        acceleration = np.minimum(acceleration, ACCELERATION_SHARE / model.uncertainty.gain_factor * reach)
+        acceleration = np.minimum(acceleration, ACCELERATION_SHARE * model.sure_reach)
         arm_m = arms.get(follower, 0.0)
         if arm_m > 0.0:
             rate[2] = min(rate[2], ARM_SPEED_SHARE * speeds[0] / arm_m)

@@ -21,48 +21,100 @@ from rcopterx.vehicles.tuples import Four, Three, Two
 Seven = tuple[float, float, float, float, float, float, float]
 
 
-@dataclass(frozen=True)
-class Uncertainty:
-    """How far a true vehicle may be from its model, for the margins of controllers.
-
-    Raises `ValueError` for a number out of its range; the message begins with its name.
-    """
+class Departures(NamedTuple):
+    """How far a true vehicle may be from its model in one loop."""
 
     gain_factor: float
     """The gain of a stick may be larger or smaller by this factor."""
     delay_s: float
     """The transport delay may be longer by this."""
     frequency_fraction: float
-    """The frequency of the tilt may be off by this fraction."""
+    """The frequency of the tilt, or of a lag's corner, may be off by this fraction."""
+
+    def graded(self, identified: float, unidentified: float) -> float:
+        """Value between that of identified and that of unidentified vehicles, geometric in the gain factor.
+
+        `identified` holds at `IDENTIFIED_GAIN_FACTOR` and below it, `unidentified` at
+        `UNIDENTIFIED_GAIN_FACTOR` and above it; both are positive.
+        """
+        share = (self.gain_factor - IDENTIFIED_GAIN_FACTOR) / (
+            UNIDENTIFIED_GAIN_FACTOR - IDENTIFIED_GAIN_FACTOR
+        )
+        return float(identified * (unidentified / identified) ** min(max(share, 0.0), 1.0))
+
+    @property
+    def identified(self) -> bool:
+        """Whether the gain is as certain as one that was fitted to a flight of the vehicle."""
+        return self.gain_factor <= IDENTIFIED_GAIN_FACTOR
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How far a true vehicle may be from its model, for the margins of controllers.
+
+    Three-vectors are ordered horizontal, height, yaw. Raises `ValueError` for a number out of its range; the
+    message begins with its name.
+    """
+
+    gain_factor: Three
+    """The gain of a stick may be larger or smaller by this factor."""
+    delay_s: Three
+    """The transport delay may be longer by this."""
+    frequency_fraction: Three
+    """The frequency of the tilt, and of the corners of lags, may be off by this fraction."""
     tilt_damping: Two | None = None
     """Least and largest damping ratio that the tilt may have; None for that of the model."""
+    without_tilt: Three | None = None
+    """Gain factor, delay and frequency fraction of the horizontal motion where poses give no tilt; None for
+    the same."""
 
     def __post_init__(self) -> None:
-        if not 1.0 <= self.gain_factor <= 4.0:
+        if self.without_tilt is not None:
+            self.for_positions_only()
+        if not all(1.0 <= factor <= 4.0 for factor in self.gain_factor):
             raise ValueError(f"gain_factor: must be from 1 to 4, got {self.gain_factor}")
-        if not 0.0 <= self.delay_s <= 0.2:
+        if not all(0.0 <= delay_s <= 0.2 for delay_s in self.delay_s):
             raise ValueError(f"delay_s: must be from 0 to 0.2, got {self.delay_s}")
-        if not 0.0 <= self.frequency_fraction < 1.0:
+        if not all(0.0 <= fraction < 1.0 for fraction in self.frequency_fraction):
             raise ValueError(f"frequency_fraction: must be from 0 to below 1, got {self.frequency_fraction}")
         if self.tilt_damping is not None and not 0.0 < self.tilt_damping[0] <= self.tilt_damping[1] < 10.0:
             raise ValueError(
                 f"tilt_damping: must be a least and a largest ratio between 0 and 10, got {self.tilt_damping}"
             )
 
-    def graded(self, identified: float, unidentified: float) -> float:
-        """Value between that of identified and that of unidentified vehicles, geometric in the gain factor.
+    def for_positions_only(self) -> "Uncertainty":
+        """Return the uncertainty where poses give no tilt."""
+        gain_factor, delay_s, fraction = self.without_tilt or self.axes[0]
+        return replace(
+            self,
+            gain_factor=(gain_factor, *self.gain_factor[1:]),
+            delay_s=(delay_s, *self.delay_s[1:]),
+            frequency_fraction=(fraction, *self.frequency_fraction[1:]),
+            without_tilt=None,
+        )
 
-        `identified` holds at the gain factor of `IDENTIFIED` and below it, `unidentified` at that of
-        `UNIDENTIFIED` and above it; both are positive.
-        """
-        known, unknown = IDENTIFIED.gain_factor, UNIDENTIFIED.gain_factor
-        share = min(max((self.gain_factor - known) / (unknown - known), 0.0), 1.0)
-        return float(identified * (unidentified / identified) ** share)
+    @cached_property
+    def axes(self) -> tuple[Departures, Departures, Departures, Departures]:
+        """Departures of the axes x, y, z, yaw."""
+        horizontal, height, yaw = map(Departures, self.gain_factor, self.delay_s, self.frequency_fraction)
+        return horizontal, horizontal, height, yaw
 
 
-UNIDENTIFIED = Uncertainty(gain_factor=1.7, delay_s=0.03, frequency_fraction=0.25)
+IDENTIFIED_GAIN_FACTOR: Final = 1.3
+UNIDENTIFIED_GAIN_FACTOR: Final = 1.45
+UNIDENTIFIED = Uncertainty(
+    gain_factor=(1.45, 1.45, 1.7),
+    delay_s=(0.02, 0.02, 0.05),
+    frequency_fraction=(0.18, 0.25, 0.25),
+    without_tilt=(1.7, 0.02, 0.1),
+)
 """A vehicle of which only the type is known."""
-IDENTIFIED = Uncertainty(gain_factor=1.3, delay_s=0.015, frequency_fraction=0.1)
+IDENTIFIED = Uncertainty(
+    gain_factor=3 * (IDENTIFIED_GAIN_FACTOR,),
+    delay_s=3 * (0.015,),
+    frequency_fraction=3 * (0.1,),
+    without_tilt=(IDENTIFIED_GAIN_FACTOR, 0.015, 0.1),
+)
 """A vehicle whose model was fitted to its own flight."""
 DAMPING_FACTOR: Final = 1.25
 """Factor by which the damping ratio of its tilt may be off."""
@@ -135,6 +187,12 @@ class Model:
     identification keeps their gains."""
     uncertainty: Uncertainty = UNIDENTIFIED
     """How far the true vehicle may be from these numbers."""
+    tilt_measured: bool = True
+    """Whether its filter uses roll and pitch of poses: the setting `measured_tilt` of estimators."""
+
+    def for_positions_only(self) -> "Model":
+        """Return the same model where poses give no tilt."""
+        return replace(self, tilt_measured=False, uncertainty=self.uncertainty.for_positions_only())
 
     def within(self, low_m: Three, high_m: Three) -> "Model":
         """Return the same model with other bounds of the position."""
@@ -229,6 +287,11 @@ class Model:
         """Accelerations either way from hovering: horizontal at any heading, vertical, of the heading."""
         reach = self.b * self.stick_room
         return np.array([reach[:2].min(), *reach[2:]])
+
+    @cached_property
+    def sure_reach(self) -> Array:
+        """The same of the weakest vehicle that the model may stand for."""
+        return np.asarray(self.reach / np.array(self.uncertainty.gain_factor))
 
 
 FITTED: Final = (

@@ -27,10 +27,9 @@ class Envelope:
 
     def __init__(self, model: Model, bridged_s: float) -> None:
         self._bridged_s = bridged_s  # for so long planned inputs may act without a further command
-        share = BRAKING_SHARE / model.uncertainty.gain_factor
-        self._braking_m_s2: Array = share * model.reach[[0, 0, 1]]
+        self._braking_m_s2: Array = BRAKING_SHARE * model.sure_reach[[0, 0, 1]]
         self._lag_s: Array = np.array(model.lag_s[:3])
-        self._reaction_s: Array = self._lag_s + model.uncertainty.delay_s
+        self._reaction_s: Array = self._lag_s + np.array(model.uncertainty.delay_s)[[0, 0, 1]]
         self._low_m: Array = np.array(model.state_min[:3])
         self._high_m: Array = np.array(model.state_max[:3])
         self._fastest_m_s = FAST * max(model.state_max[3:5])

@@ -106,6 +106,8 @@ class Configuration:
     def flown_model(self, model: Model) -> Model:
         """Return the model with the parameters identified in flight; `ValueError` for one it cannot have."""
         flown = with_parameters(model, self.model)
+        if self.estimator_settings.get("measured_tilt") is False:
+            flown = flown.for_positions_only()
         sizes = [0 if one.tilt is None else one.tilt.dynamics().size for one in (model, flown)]
         if sizes[0] != sizes[1]:
             raise ValueError("tilt: its structure cannot change in flight")

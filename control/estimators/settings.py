@@ -80,18 +80,19 @@ def noise_of(model: Model, settings: ExtendedKalmanSettings) -> Noise:
     once. The limit of the disturbance of the height covers a battery that has lost 40 % of its thrust, of
     identified vehicles as of others.
     """
-    graded = model.uncertainty.graded
+    horizontal, *_, yaw = model.uncertainty.axes
+    graded, graded_yaw = horizontal.graded, yaw.graded
     if model.tilt is None:
         noise = Noise(
             (0.1, 0.1, 0.1, 0.5), (0.02, 0.02, 0.03, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 10.0), 0.5
         )
     else:
         noise = Noise(
-            velocity_noise=(graded(0.01, 0.05), graded(0.01, 0.05), 0.06, graded(0.05, 1.5)),
-            actuator_noise=(0.02, 0.02, 0.06, graded(0.05, 0.2)),
+            velocity_noise=(graded(0.01, 0.05), graded(0.01, 0.05), 0.06, graded_yaw(0.05, 1.5)),
+            actuator_noise=(0.02, 0.02, 0.06, graded_yaw(0.05, 0.2)),
             disturbance_limit=(2.0, 2.0, LOST_THRUST * model.gravity_m_s2, 15.0),
             tilt_density=graded(2.1, 10.0),
-            wind_rms_m_s2=graded(0.5, 3.0) if settings.measured_tilt else graded(0.25, 1.5),
+            wind_rms_m_s2=graded(0.5, 1.5) if settings.measured_tilt else graded(0.25, 1.5),
         )
     given = {name: value for name in Noise._fields if (value := getattr(settings, name)) is not None}
     return noise._replace(**given)

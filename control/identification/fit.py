@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -31,14 +32,21 @@ from rcopterx.control.identification.parameters import (
     PITCH_GAIN,
     ROLL_GAIN,
     THRUST_GAIN,
+    YAW_RATE_GAIN,
     Parameter,
     heading_parameters,
     horizontal_parameters,
     vertical_parameters,
 )
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty, damping_range
-from rcopterx.vehicles.state import U_THRUST, Array
+from rcopterx.vehicles.model import (
+    DAMPING_FACTOR,
+    IDENTIFIED,
+    Model,
+    Uncertainty,
+    damping_range,
+)
+from rcopterx.vehicles.state import U_THRUST, Array, three
 from rcopterx.vehicles.tuples import Two
 
 FITTED_SHARE: Final = 0.8  # share of the flight that is fitted; the rest validates
@@ -49,13 +57,15 @@ _OUTLIER: Final = 3.0  # residuals beyond so many deviations count less than the
 _NORMAL: Final = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
 _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior values
 _AT_BOUND: Final = 0.98 * _FARTHEST
-_VANISHED_S: Final = IDENTIFIED.delay_s  # shorter lags and delays are within the uncertainty
+_VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 LEAST_CERTAIN: Final = 0.15  # largest relative deviation of gains and frequency of a usable excitation
 _WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
+_AXES: Final = ("horizontal motion", "height", "heading")
+_GAINS: Final = ((PITCH_GAIN.name, ROLL_GAIN.name), (THRUST_GAIN.name,), (YAW_RATE_GAIN.name,))
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
 
 Flights = Sequence[FlightRecording]
@@ -114,25 +124,33 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
         _horizontal_fit(candidate, with_tilt, logged),
         _Fit(vertical_parameters(logged), vertical, logged),
         _Fit(heading_parameters(model), heading, far=True),
-    ):
+    ):  # in the order of `Uncertainty`
         fits.append(fit.run(candidate, fitted))
         candidate = fits[-1].candidate
-    numbers = tuple(number for fitted_part in fits for number in fitted_part.numbers(start))
+    by_axis = [fitted_part.numbers(start) for fitted_part in fits]
+    numbers = tuple(number for of_axis in by_axis for number in of_axis)
     judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
-    bounds = [name for fitted_part in fits for name in fitted_part.at_bounds()]
+    bounds = [fitted_part.at_bounds() for fitted_part in fits]
     essential = [
         f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"
-        for name in bounds
+        for name in chain(*bounds)
         if name in _ESSENTIAL
     ]
-    remarks = tuple(_doubtful(name) for name in bounds if name not in _ESSENTIAL)
+    doubtful = [[name for name in at_bounds if name not in _ESSENTIAL] for at_bounds in bounds]
     problems = (*_too_little(numbers), *_worse(before, after), *essential)
-    found = _finished(candidate.model, model, numbers, hover)
-    if remarks:
-        found = replace(found, uncertainty=_with_gains_of(found.uncertainty, model.uncertainty))
-    return Identification(found, candidate.offsets, numbers, before, after, problems, remarks)
+    found = _finished(candidate.model, model, hover)
+    uncertainty = _uncertainty(found, model, by_axis, [bool(names) for names in doubtful])
+    return Identification(
+        replace(found, uncertainty=uncertainty),
+        candidate.offsets,
+        numbers,
+        before,
+        after,
+        problems,
+        tuple(_doubtful(name, axis) for axis, names in zip(_AXES, doubtful, strict=True) for name in names),
+    )
 
 
 def _check(flights: Flights, kind: str) -> None:
@@ -279,23 +297,47 @@ def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
     return _Fit(parameters, horizontal, logged, begin_at)
 
 
-def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], hover: float) -> Model:
-    """Fitted model with derived values: uncertainty, hover thrust, equivalent lags."""
-    certain = {number.name: number.deviation / number.value for number in numbers if number.value > 0.0}
-    gain = max(certain.get(one.name, 0.0) for one in (PITCH_GAIN, ROLL_GAIN))  # gains that are kept are known
-    uncertainty = Uncertainty(
-        gain_factor=max(IDENTIFIED.gain_factor, 1.0 + _THREE_DEVIATIONS * gain),
-        delay_s=IDENTIFIED.delay_s,
-        frequency_fraction=max(
-            IDENTIFIED.frequency_fraction, _THREE_DEVIATIONS * certain.get(FREQUENCY.name, 0.0)
-        ),
-        tilt_damping=_damping_range(model, before, certain.get(DAMPING.name, 0.0)),
-    )
+def _finished(model: Model, before: Model, hover: float) -> Model:
+    """Fitted model with derived values: hover thrust, equivalent lags."""
     lag_s = model.lag_s
     if model.tilt is not None and before.tilt is not None:
         slower = before.tilt.frequency_rad_s / model.tilt.frequency_rad_s
         lag_s = (lag_s[0] * slower, lag_s[1] * slower, *lag_s[2:])
-    return replace(model, uncertainty=uncertainty, lag_s=lag_s, hover_thrust=hover)
+    return replace(model, lag_s=lag_s, hover_thrust=hover)
+
+
+def _uncertainty(
+    model: Model, before: Model, numbers: Sequence[Sequence[FittedParameter]], doubtful: Sequence[bool]
+) -> Uncertainty:
+    """Uncertainty of a fitted model, by numbers and doubts of horizontal motion, height and heading.
+
+    Gain and delay of an axis in doubt stay at least as uncertain as before. Frequency and damping stay as
+    certain as the fit: no weights bear those of all vehicles of a type with the model of one.
+    """
+    certain = [
+        {number.name: number.deviation / number.value for number in of_axis if number.value > 0.0}
+        for of_axis in numbers
+    ]
+    known, gains, delays_s = before.uncertainty, list[float](), list[float]()
+    for axis, names in enumerate(_GAINS):
+        fitted = 1.0 + _THREE_DEVIATIONS * max(certain[axis].get(name, 0.0) for name in names)
+        # Gains that are kept are known; with prior knowledge of the type no gain is less certain than its.
+        gain = max(IDENTIFIED.gain_factor[axis], min(fitted, known.gain_factor[axis]))
+        delay_s = IDENTIFIED.delay_s[axis]
+        if doubtful[axis]:
+            gain, delay_s = max(gain, known.gain_factor[axis]), max(delay_s, known.delay_s[axis])
+        gains.append(gain)
+        delays_s.append(delay_s)
+    of_tilt = _THREE_DEVIATIONS * certain[0].get(FREQUENCY.name, 0.0)
+    fraction, *others = IDENTIFIED.frequency_fraction
+    fraction = max(fraction, of_tilt)
+    return Uncertainty(
+        three(np.array(gains)),
+        three(np.array(delays_s)),
+        (fraction, others[0], others[1]),
+        _damping_range(model, before, certain[0].get(DAMPING.name, 0.0)),
+        None if model.tilt is None else (gains[0], delays_s[0], fraction),
+    )
 
 
 def _damping_range(model: Model, before: Model, deviation: float) -> Two | None:
@@ -331,21 +373,8 @@ def _worse(before: PredictionErrors, after: PredictionErrors) -> list[str]:
     ]
 
 
-def _with_gains_of(found: Uncertainty, known: Uncertainty) -> Uncertainty:
-    """Uncertainty of a fit, with gains and delay at least as uncertain as before.
-
-    Frequency and damping stay as certain as the fit: no weights bear those of all vehicles of a type with the
-    model of one.
-    """
-    return replace(
-        found,
-        gain_factor=max(found.gain_factor, known.gain_factor),
-        delay_s=max(found.delay_s, known.delay_s),
-    )
-
-
-def _doubtful(name: str) -> str:
+def _doubtful(name: str, axis: str) -> str:
     return (
-        f"{name} went as far as it may, so gains count as uncertain as before: the vehicle differs in "
-        "something else, or sticks were at their ends; identify again with a lower --strength"
+        f"{name} went as far as it may, so the gain of the {axis} counts as uncertain as before: the vehicle "
+        "differs in something else, or sticks were at their ends; identify again with a lower --strength"
     )

@@ -137,15 +137,16 @@ _BODY: Final = (
 _THRUST_LAG: Final = _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST)
 _SLOPE: Final = replace(THRUST_GAIN, spread=0.3, write=_with_slope)
 _PER_VOLT: Final = _number("thrust per volt", "offsets.per_volt", "1/V", 0.1, positive=False)
+YAW_RATE_GAIN: Final = Parameter(
+    "yaw rate gain",
+    "rad/s",
+    0.3,
+    True,
+    _yaw_rate,
+    lambda candidate, rate_rad_s: _with_yaw_loop(candidate, rate_rad_s, _yaw_time_s(candidate)),
+)
 _HEADING: Final = (
-    Parameter(
-        "yaw rate gain",
-        "rad/s",
-        0.3,
-        True,
-        _yaw_rate,
-        lambda candidate, rate_rad_s: _with_yaw_loop(candidate, rate_rad_s, _yaw_time_s(candidate)),
-    ),
+    YAW_RATE_GAIN,
     Parameter(
         "yaw time constant",
         "s",

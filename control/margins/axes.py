@@ -90,7 +90,9 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
         feedback=np.zeros(len(b)),
         period_s=period_s,
         delay_s=model.delay_s,
+        rule=model.uncertainty.axes[0],
         dampings=dampings,
+        measured_tilt=estimator.measured_tilt,
     )
 
 
@@ -142,4 +144,5 @@ def _filtered_lag(
         feedback=np.zeros(4),
         period_s=period_s,
         delay_s=model.delay_s,
+        rule=model.uncertainty.axes[axis],
     )

@@ -7,17 +7,20 @@ is real, left is imaginary, and every 2 x 2 block [[a, -b], [b, a]] is the numbe
 import cmath
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.vehicles.model import Uncertainty
+from rcopterx.vehicles.model import Departures
 from rcopterx.vehicles.state import Array
 
 Dynamics = tuple[Array, Array]  # continuous x' = A x + B u, shapes (n, n) and (n,); real or complex
 Flags = NDArray[np.bool_]
+
+SENSITIVITY_LIMIT: Final = 2.0  # largest allowed M_s, for margins of 2 in gain and 29 degrees in phase
+CORNER_SENSITIVITY_LIMIT: Final = 5.0  # the same at the corners of the uncertainty
 
 _STABLE: Final = 1.0 - 1e-9
 _INSTANT_S: Final = 1e-9
@@ -52,7 +55,19 @@ class FeedbackLoop:
     feedback: Array  # of the estimate, predicted to when the input acts, on minus the input; shape (m,)
     period_s: float  # control period
     delay_s: float  # transport delay of the model
+    rule: Departures  # how far the vehicle may be from its model
     dampings: Sequence[float | None] = (None,)  # damping ratios at the ends of what is possible
+    measured_tilt: bool = True  # whether the filter uses the tilt, where there is one
+
+    @property
+    def corner_limit(self) -> float:
+        """Largest allowed M_s at the joint corners of the rule; infinite where they only need to be stable.
+
+        These are fitted models, whose damping is known, and loops without the tilt: what bounds M_s there
+        flies several times as far off.
+        """
+        bounded = self.measured_tilt and not self.rule.identified
+        return CORNER_SENSITIVITY_LIMIT if bounded else math.inf
 
     def stable(self, perturbation: Perturbation = NONE) -> bool:
         """Return whether the loop around a perturbed vehicle is stable."""
@@ -63,18 +78,26 @@ class FeedbackLoop:
         poles = np.linalg.eigvals(self.closed_loops(perturbations))
         return np.asarray(np.abs(poles).max(axis=1) < _STABLE)
 
-    def peak_sensitivity(self) -> float:
-        """Return M_s, the peak of the sensitivity |1 / (1 + L)| over all frequencies; infinite if unstable.
+    def peak_sensitivities(self, perturbations: Sequence[Perturbation] = (NONE,)) -> Array:
+        """Return M_s around each of some perturbed vehicles, shape (k,); infinite where unstable.
 
-        It is one over the least distance of the loop's frequency response L from the critical point. With
-        the poles of the loop, closed and open, 1 + L is the ratio of their characteristic polynomials.
+        It is the peak of the sensitivity |1 / (1 + L)| over all frequencies, one over the least distance of
+        the loop's frequency response L from the critical point. With the poles of the loop, closed and open,
+        1 + L is the ratio of their characteristic polynomials.
         """
-        closed, open_ = np.linalg.eigvals(self.closed_loops((NONE, Perturbation(gain=0.0))))
-        if np.abs(closed).max() >= _STABLE:
-            return math.inf
         angles = np.geomspace(_LOWEST_HZ * self.period_s, 0.5, _FREQUENCIES) * math.tau
         z = np.exp(1j * np.concatenate((-angles, angles)))[:, None]
-        return float(np.prod(np.abs((z - open_) / (z - closed)), axis=1).max())
+        plants = list(dict.fromkeys(replace(each, gain=0.0, delay_s=0.0) for each in perturbations))
+        open_ = np.linalg.eigvals(self.closed_loops(plants))
+        peaks = []
+        for perturbation, closed in zip(
+            perturbations, np.linalg.eigvals(self.closed_loops(perturbations)), strict=True
+        ):
+            poles = open_[plants.index(replace(perturbation, gain=0.0, delay_s=0.0))]
+            above, below = (np.abs(z - each).prod(axis=1) for each in (poles, closed))
+            stable = np.abs(closed).max() < _STABLE
+            peaks.append(float((above / below).max()) if stable else math.inf)
+        return np.array(peaks)
 
     def closed_loops(self, perturbations: Sequence[Perturbation]) -> Array:
         """Return the transitions over a period of plant, inputs under way and estimate, shape (k, s, s)."""
@@ -139,7 +162,6 @@ class Margins:
     frequency_down: float  # factors of the frequency (`Perturbation`)
 
 
-SENSITIVITY_LIMIT: Final = 2.0  # largest allowed M_s, for margins of 2 in gain and 29 degrees in phase
 SENSITIVITY: Final = "sensitivity"
 CORNERS: Final = "corners"
 
@@ -150,46 +172,48 @@ class Robustness:
 
     peak_sensitivity: float  # M_s around the model; infinite if the loop is unstable
     unstable_alone: tuple[str, ...]  # single departures under which it is unstable
-    unstable_corners: int
-    corners: int  # joint corners of all departures, of which `unstable_corners` are unstable
+    corner_sensitivities: tuple[float, ...]  # M_s at the joint corners of all departures
+    corner_limit: float  # largest allowed one
+
+    @property
+    def weak_corners(self) -> int:
+        """Number of joint corners with a larger M_s than allowed."""
+        return sum(not peak < self.corner_limit for peak in self.corner_sensitivities)
 
     @property
     def shortfalls(self) -> tuple[str, ...]:
         """Names of what falls short of the rule; empty if the loop bears the uncertainty."""
-        joint = (CORNERS,) if self.unstable_corners else ()
+        joint = (CORNERS,) if self.weak_corners else ()
         peak = (SENSITIVITY,) if not self.peak_sensitivity <= SENSITIVITY_LIMIT else ()
         return (*self.unstable_alone, *joint, *peak)
 
     @property
     def shortage(self) -> int:
         """How much falls short: departures and corners, and the peak of the sensitivity."""
-        return len(self.shortfalls) + self.unstable_corners
+        return len(self.shortfalls) + self.weak_corners
 
 
-def robustness(loop: FeedbackLoop, rule: Uncertainty) -> Robustness:
-    """Return how a loop bears departures within a rule, each alone and all at once."""
-    fraction, factor = rule.frequency_fraction, rule.gain_factor
+def robustness(loop: FeedbackLoop) -> Robustness:
+    """Return how a loop bears departures within its rule, each alone and all at once."""
+    factor, delay_s, fraction = loop.rule
     alone = {
         "gain up": Perturbation(gain=factor),
         "frequency down": Perturbation(frequency=1.0 - fraction),
-        "delay": Perturbation(delay_s=rule.delay_s),
+        "delay": Perturbation(delay_s=delay_s),
         "frequency up": Perturbation(frequency=1.0 + fraction),
         "gain down": Perturbation(gain=1.0 / factor),
     }
     corners = [
-        Perturbation(gain, delay_s, frequency, damping)
+        Perturbation(gain, later_s, frequency, damping)
         for gain in (factor, 1.0 / factor)
-        for delay_s in (rule.delay_s, 0.0)
+        for later_s in (delay_s, 0.0)
         for frequency in (1.0 - fraction, 1.0 + fraction)
         for damping in loop.dampings
     ]
-    stable = loop.all_stable((*alone.values(), *corners)).tolist()
-    return Robustness(
-        loop.peak_sensitivity(),
-        tuple(name for name, kept in zip(alone, stable, strict=False) if not kept),
-        stable[len(alone) :].count(False),
-        len(corners),
-    )
+    stable = loop.all_stable(tuple(alone.values())).tolist()
+    peak, *at_corners = loop.peak_sensitivities((NONE, *corners)).tolist()
+    unstable = tuple(name for name, kept in zip(alone, stable, strict=True) if not kept)
+    return Robustness(peak, unstable, tuple(at_corners), loop.corner_limit)
 
 
 def margins(loop: FeedbackLoop) -> Margins:

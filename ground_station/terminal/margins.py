@@ -16,7 +16,6 @@ from rcopterx.control.margins.loop import (
     PHASE_LIMIT_RAD,
     SENSITIVITY_LIMIT,
     FeedbackLoop,
-    Robustness,
     margins,
     robustness,
 )
@@ -30,7 +29,7 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 
 COLUMNS: Final = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "freq. up", "freq. down",
-    "peak M_s", "joint stable", "below rule",
+    "peak M_s", "corner M_s", "below rule",
 )  # fmt: skip
 FORMATION_COLUMNS: Final = ("vehicle", "vehicles above", "passed on", "errors together")
 LARGEST_AMPLIFICATION: Final = 1.5  # of errors along a formation; a deeper one is below the rule
@@ -49,39 +48,38 @@ def configured(file: FleetFile, vehicle: str) -> Configuration:
 def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
     """Margins of vehicles as their fleet file configures them, as a JSON document.
 
-    It has `fleet`, and `vehicles` by name with `rule`, the margins required by the uncertainty of their
-    models, and `axes`; where margins are not known, `axes` is null and `unknown` says why.
+    It has `fleet`, and `vehicles` by name with `axes`, among their numbers `rule`, the margins required by
+    the uncertainty of the model; where margins are not known, `axes` is null and `unknown` says why.
     Raises FleetError for a setting that is not allowed.
     """
     return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
 
 
 def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
-    used, uncertainty = configured(file, name), model_of(file, name).uncertainty
+    used = configured(file, name)
     table: dict[str, Any] = {
         "controller": used.controller,
         "estimator": used.estimator,
-        "rule": asdict(uncertainty),
         "unknown": _unknown_loops(used),
         "axes": None,
     }
     if table["unknown"] is None:
         with errors_at(f"vehicles.{name}.control", ValueError):
             loops = _loops(file, name, used)
-        table["axes"] = {
-            axis: asdict(margins(loop)) | _borne(robustness(loop, uncertainty))
-            for axis, loop in loops.items()
-        }
+        table["axes"] = {axis: asdict(margins(loop)) | _borne(loop) for axis, loop in loops.items()}
     return table
 
 
-def _borne(found: Robustness) -> dict[str, Any]:
+def _borne(loop: FeedbackLoop) -> dict[str, Any]:
     """Part of an axis's document that compares it with the rule."""
+    found = robustness(loop)
+    peaks = found.peak_sensitivity, max(found.corner_sensitivities), found.corner_limit
+    around, at_corners, limit = (peak if math.isfinite(peak) else None for peak in peaks)
     return {
-        "peak_sensitivity": found.peak_sensitivity if math.isfinite(found.peak_sensitivity) else None,
-        "corners": found.corners,
-        "stable_corners": found.corners - found.unstable_corners,
+        "peak_sensitivity": around,
+        "corner_sensitivity": at_corners,
         "below_rule": list(found.shortfalls),
+        "rule": loop.rule._asdict() | {"corner_sensitivity": limit},
     }
 
 
@@ -140,7 +138,7 @@ def formation_rows(document: dict[str, Any]) -> Iterator[tuple[str, ...]]:
 
 
 def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, then the rule."""
+    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, each with its rule."""
     if found["axes"] is None:
         yield name, found["unknown"]
         return
@@ -154,16 +152,21 @@ def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
             _at_most(1000 * margin["delay_s"], 1000 * DELAY_LIMIT_S, 0),
             _at_most(margin["frequency_up"], FREQUENCY_LIMIT, 2),
             _at_least(margin["frequency_down"], 1.0 / FREQUENCY_LIMIT),
-            "-" if margin["peak_sensitivity"] is None else f"{margin['peak_sensitivity']:.2f}",
-            f"{margin['stable_corners']}/{margin['corners']}",
+            _peak(margin["peak_sensitivity"]),
+            _peak(margin["corner_sensitivity"]),
             ", ".join(margin["below_rule"]) or "-",
         )
-    rule = found["rule"]
-    gain, frequency = rule["gain_factor"], rule["frequency_fraction"]
-    yield (
-        name, "rule", f"{gain:.2f}", f"{1 / gain:.2f}", "", f"{1000 * rule['delay_s']:.0f}",
-        f"{1 + frequency:.2f}", f"{1 - frequency:.2f}", f"{SENSITIVITY_LIMIT:.2f}", "all", "",
-    )  # fmt: skip
+        rule = margin["rule"]
+        gain, frequency = rule["gain_factor"], rule["frequency_fraction"]
+        yield (
+            name, "its rule", f"{gain:.2f}", f"{1 / gain:.2f}", "", f"{1000 * rule['delay_s']:.0f}",
+            f"{1 + frequency:.2f}", f"{1 - frequency:.2f}", f"{SENSITIVITY_LIMIT:.2f}",
+            "stable" if rule["corner_sensitivity"] is None else f"{rule['corner_sensitivity']:.2f}", "",
+        )  # fmt: skip
+
+
+def _peak(sensitivity: float | None) -> str:
+    return "-" if sensitivity is None else f"{sensitivity:.2f}"
 
 
 def _at_most(value: float, limit: float, digits: int) -> str:
@@ -192,12 +195,11 @@ def flying_warnings(fleet: Fleet) -> list[str]:
 def _warnings(file: FleetFile, name: str, used: Configuration) -> list[str]:
     if _unknown_loops(used) is not None:
         return []
-    uncertainty = used.flown_model(model_of(file, name)).uncertainty
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
         for axis, loop in _loops(file, name, used).items()
-        if (names := robustness(loop, uncertainty).shortfalls)
+        if (names := robustness(loop).shortfalls)
     ]
 
 

@@ -200,7 +200,7 @@ def test_the_uncertainty_of_a_quadrotor_covers_angle_limits_of_20_to_50_degrees(
     for limit_deg in (20.0, 50.0):
         gain = 9.81 * math.tan(math.radians(limit_deg))
         factor = max(gain / model.input_gain[0], model.input_gain[0] / gain)
-        assert factor <= model.uncertainty.gain_factor
+        assert factor <= model.uncertainty.gain_factor[0]
 
 
 def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol() -> None:

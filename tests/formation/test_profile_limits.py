@@ -15,7 +15,6 @@ from rcopterx.formation.profile_limits import (
     arms_of,
     profile_limits_of,
 )
-from rcopterx.vehicles.model import Uncertainty
 
 LINKS = {"h1": ()} | {f"h{k}": (LeaderLink(leader=f"h{k - 1}", offset_m=(0.5, 0, 0)),) for k in range(2, 21)}
 ALIKE = dict.fromkeys(LINKS, COAXIAL_LAG)
@@ -37,7 +36,7 @@ def test_the_weakest_vehicle_below_limits_its_leaders_at_any_heading() -> None:
     limits = profile_limits_of(LINKS, strong | {"h20": COAXIAL_LAG}, "h1")
     assert limits is not None
     assert limits.rate[0] <= SPEED_SHARE * min(COAXIAL_LAG.state_max[3:5]) + 1e-9
-    reach = min(COAXIAL_LAG.b[:2]) * ACCELERATION_SHARE / COAXIAL_LAG.uncertainty.gain_factor
+    reach = min(COAXIAL_LAG.b[:2]) * ACCELERATION_SHARE / COAXIAL_LAG.uncertainty.gain_factor[0]
     assert limits.acceleration[0] <= reach + 1e-9
     own = profile_limits_of(LINKS, strong | {"h1": COAXIAL_LAG}, "h1")
     assert own is not None
@@ -45,7 +44,7 @@ def test_the_weakest_vehicle_below_limits_its_leaders_at_any_heading() -> None:
 
 
 def test_followers_that_are_known_badly_are_trusted_with_less() -> None:
-    vague = replace(COAXIAL_LAG, uncertainty=Uncertainty(2.0, 0.03, 0.25))
+    vague = replace(COAXIAL_LAG, uncertainty=replace(COAXIAL_LAG.uncertainty, gain_factor=(2.0, 2.0, 2.0)))
     limits = [profile_limits_of(LINKS, ALIKE | {"h5": model}, "h1") for model in (COAXIAL_LAG, vague)]
     assert limits[0] is not None
     assert limits[1] is not None

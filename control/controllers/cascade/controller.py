@@ -17,7 +17,7 @@ from rcopterx.control.controllers.cascade.axis import AxisProblem, CascadeTask, 
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralProblem, LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
-from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
+from rcopterx.control.controllers.settings import EightWeights, FourWeights, Limits, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
 from rcopterx.control.references.columns import POSITION, VELOCITY
 from rcopterx.control.references.sampling import samples_through
@@ -26,8 +26,20 @@ from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, Array, Z, turned_about_z
 
+STEERING_SHARE: Final = 0.5
+"""Least thrust of a helicopter over that of hovering: one that falls with its thrust off cannot right
+itself, and oscillates from stop to stop once it has it back."""
 TIME_CONSTANT_S: Final = 1.0
 ACCELERATION_CAP: Final = np.array([0.6, 0.6, 1.5])  # largest disturbance, x, y, z [m/s^2]
+
+
+def with_steering(limits: Limits, model: Model) -> Limits:
+    """Return limits within which a helicopter keeps enough thrust to be steered."""
+    if model.airframe != "coaxial":
+        return limits
+    lowest = limits.input_min.copy()
+    lowest[U_THRUST] = max(lowest[U_THRUST], STEERING_SHARE * model.hover_input[U_THRUST])
+    return limits._replace(input_min=lowest)
 
 
 class DisturbanceObserver:
@@ -99,7 +111,7 @@ class CascadeController(BaseController):
         settings: CascadeSettings,
         new_solver: Callable[[], Solver] | None = None,
     ) -> None:
-        super().__init__(model, period_s, settings.horizon, settings.limits(model))
+        super().__init__(model, period_s, settings.horizon, with_steering(settings.limits(model), model))
         self._settings = settings
         self._effort_factors = np.array(settings.effort_factors)[[0, 0, 1, 2]]
         stages = settings.horizon - 1

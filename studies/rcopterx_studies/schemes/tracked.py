@@ -101,8 +101,7 @@ class TrackedScheme(ABC, Generic[S]):
     def __init__(self, model: Model, period_s: float, settings: S) -> None:
         self.horizon, self.period_s, self._settings = settings.horizon, period_s, settings
         self._tracker = CascadeController(model, period_s, CascadeSettings(horizon=settings.horizon))
-        share = ACCELERATION_SHARE / model.uncertainty.gain_factor
-        self._reach: Array = share * model.reach[[0, 0, 1]]
+        self._reach: Array = ACCELERATION_SHARE * model.sure_reach[[0, 0, 1]]
         """Largest planned accelerations, shape (3,)."""
         self._speed: Array = SPEED_SHARE * np.array(model.state_max)[3:6]
         """Largest planned speeds, shape (3,)."""

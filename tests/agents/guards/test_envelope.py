@@ -53,7 +53,7 @@ def other(place_m: tuple[float, float, float]) -> Obstacle:
         (moving((0.0, 0.0, 1.7), (0.0, 0.0, 1.5)), "leave its volume"),
         (moving((1.0, 0.0, 1.0), (0.8, 0.0, 0.0)), "leave its volume"),
         (moving((0.0, -1.0, 1.0), (0.0, -0.8, 0.0)), "leave its volume"),
-        (moving((-1.1, 0.0, 1.0), (FAST * 1.35, 0.0, 0.0)), "volume"),
+        (moving((-0.9, 0.0, 1.0), (FAST * 1.35, 0.0, 0.0)), "volume"),
         (moving(yaw_rate_rad_s=-SPINNING * 2.6), "too fast"),
     ],
 )
@@ -76,8 +76,8 @@ def test_what_is_allowed_reaches_the_floor_slowly_also_with_the_weakest_thrust(
 ) -> None:
     if ENVELOPE.problem(moving((0.0, 0.0, height_m), (0.0, 0.0, climb_m_s)), ()) is not None:
         return
-    thrust_m_s2 = COAXIAL.reach[1] / COAXIAL.uncertainty.gain_factor
-    reacting_s = COAXIAL.lag_s[U_THRUST] + COAXIAL.uncertainty.delay_s
+    thrust_m_s2 = COAXIAL.sure_reach[1]
+    reacting_s = COAXIAL.lag_s[U_THRUST] + COAXIAL.uncertainty.delay_s[1]
     height_m += reacting_s * climb_m_s
     squared = climb_m_s**2 - 2.0 * thrust_m_s2 * max(height_m, 0.0)
     assert squared <= 0.5**2 + 1e-9

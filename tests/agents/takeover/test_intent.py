@@ -28,7 +28,7 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.vehicles.phases import Event, Phase
 
-MODEL = {"delay_s": 0.05, "lag_s": (0.1, 0.1, 0.1, 0.05), "uncertainty": {"gain_factor": 1.3}}
+MODEL = {"delay_s": 0.05, "lag_s": (0.1, 0.1, 0.1, 0.05), "uncertainty": {"gain_factor": (1.3, 1.3, 1.3)}}
 SETTINGS = {"horizon": 12, "position_weights": (1.0, 2.0)}
 CONFIGURATION = Configuration("lqr", "kalman", SETTINGS, {}, MODEL)
 UP = (0.1, 0.2, 1.0)

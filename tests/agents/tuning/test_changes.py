@@ -58,11 +58,12 @@ def test_another_model_takes_over_without_a_bump() -> None:
     flight.fly(75)
     b_x, b_y, b_z, b_psi = flight.pilot.model.input_gain
     gains = (1.2 * b_x, 1.2 * b_y, 1.1 * b_z, b_psi)
-    assert isinstance(flight.change(model={"input_gain": gains, "uncertainty": {"gain_factor": 1.3}}), str)
+    certain = {"gain_factor": (1.3, 1.3, 1.3)}
+    assert isinstance(flight.change(model={"input_gain": gains, "uncertainty": certain}), str)
     flight.fly(1)
     assert flight.bump() < BUMP
     assert flight.pilot.model.input_gain == gains
-    assert flight.pilot.model.uncertainty.gain_factor == 1.3
+    assert flight.pilot.model.uncertainty.gain_factor == certain["gain_factor"]
     flight.fly(100)
     assert flight.error_m() < 0.25
 

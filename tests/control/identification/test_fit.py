@@ -11,6 +11,7 @@ from rcopterx.control.controllers.cascade.weights import default_weights
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.state import U_YAW
 from rcopterx.vehicles.tilt import TiltModel
 
 
@@ -153,7 +154,7 @@ def test_a_flight_controller_with_a_fast_rate_loop_is_identified(
     assert (found.problems, found.remarks) == ((), ())
     assert numbers(found)["yaw rate gain"] == pytest.approx(rate_rad_s, rel=0.05)
     assert numbers(found)["yaw time constant"] + found.model.lag_s[3] == pytest.approx(
-        time_s + 0.01, abs=IDENTIFIED.delay_s
+        time_s + 0.01, abs=IDENTIFIED.delay_s[U_YAW - 1]
     )
     assert found.model.uncertainty.gain_factor == IDENTIFIED.gain_factor
 
@@ -188,9 +189,16 @@ def test_a_parameter_on_its_bound_is_said_and_does_not_make_gains_more_certain(
     known = replace(COAXIAL, lag_s=(*COAXIAL.lag_s[:3], 0.02))
     doubtful = identify(flight, known)
     assert any(remark.startswith("yaw lag went as far as it may") for remark in doubtful.remarks)
-    uncertainty = doubtful.model.uncertainty
-    assert uncertainty.gain_factor == known.uncertainty.gain_factor
-    assert uncertainty.delay_s == known.uncertainty.delay_s
+    of_fit, of_type = doubtful.model.uncertainty.axes, known.uncertainty.axes
+    assert of_fit[U_YAW].gain_factor == of_type[U_YAW].gain_factor
+    assert of_fit[U_YAW].delay_s == of_type[U_YAW].delay_s
+
+
+def test_a_parameter_on_its_bound_leaves_the_other_axes_as_certain_as_the_fit(
+    flight: FlightRecording,
+) -> None:
+    doubtful = identify(flight, replace(COAXIAL, lag_s=(*COAXIAL.lag_s[:3], 0.02)))
+    assert doubtful.model.uncertainty.axes[:U_YAW] == IDENTIFIED.axes[:U_YAW]
 
 
 def test_a_helicopter_with_a_parameter_on_its_bound_is_flown_no_softer_than_its_type(

@@ -1,6 +1,7 @@
 """Margins say how far a vehicle may be from its model: on this side stable, beyond unstable."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
@@ -14,7 +15,7 @@ from rcopterx.control.margins.loop import (
     margins,
     robustness,
 )
-from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
+from rcopterx.vehicles.model import Departures
 
 PERIOD_S = 0.02
 LOOPS = {
@@ -40,13 +41,14 @@ def test_an_unstable_loop_has_no_margins() -> None:
     loop = LOOPS["lag"]
     backwards = FeedbackLoop(
         loop.plant_step, loop.measured, loop.filter_step, loop.filter_measured, loop.filter_gain,
-        -loop.feedback, loop.period_s, loop.delay_s,
+        -loop.feedback, loop.period_s, loop.delay_s, loop.rule,
     )  # fmt: skip
     found = margins(backwards)
     assert (found.gain_up, found.gain_down, found.phase_rad, found.delay_s) == (1.0, 1.0, 0.0, 0.0)
-    borne = robustness(backwards, IDENTIFIED)
+    borne = robustness(backwards)
     assert len(borne.unstable_alone) == 5
-    assert borne.unstable_corners == borne.corners == 8
+    assert borne.corner_sensitivities == 8 * (math.inf,)
+    assert borne.weak_corners == 8
     assert borne.peak_sensitivity == math.inf
     assert borne.shortfalls == (*borne.unstable_alone, "corners", "sensitivity")
 
@@ -58,17 +60,18 @@ def test_phase_and_delay_margins_belong_to_the_same_crossing() -> None:
 
 
 def test_what_falls_short_of_the_rule_is_named() -> None:
-    aggressive = tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 0.002))
-    borne = robustness(aggressive, UNIDENTIFIED)
+    rule = Departures(1.7, 0.03, 0.25)
+    aggressive = replace(tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 0.002)), rule=rule)
+    borne = robustness(aggressive)
     assert {"frequency down", "delay", "corners", "sensitivity"} <= set(borne.shortfalls)
-    assert borne.shortage == len(borne.shortfalls) + borne.unstable_corners
-    gentle = robustness(tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 30.0)), UNIDENTIFIED)
+    assert borne.shortage == len(borne.shortfalls) + borne.weak_corners
+    gentle = robustness(tilt_loop(COAXIAL, PERIOD_S, (100.0, 25.0, 30.0)))
     assert gentle.shortfalls == ()
     assert gentle.shortage == 0
 
 
 def test_departures_that_are_borne_alone_are_not_all_borne_together() -> None:
     loop = tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 1.5))
-    borne = robustness(loop, COAXIAL.uncertainty)
+    borne = robustness(loop)
     assert borne.unstable_alone == ()
-    assert 0 < borne.unstable_corners < borne.corners == 16
+    assert 0 < borne.weak_corners < len(borne.corner_sensitivities) == 16
