@@ -25,12 +25,8 @@ SURVIVED: Final = (0, 33)
 """Codes of mutmut: the tests pass, or no test runs the function."""
 GATEWAY: Final = "rcopterx/transmitter_gateway"
 GROUPS: Final = {
-    "arbiter": [
-        f"{GATEWAY}/{name}.py" for name in ("arbiter", "pose_monitor", "bridging", "hover", "leases")
-    ],
-    "closed-loop landing": [
-        f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "output_limiter", "take_over")
-    ],
+    "arbiter": [f"{GATEWAY}/{name}.py" for name in ("arbiter", "pose_monitor")],
+    "closed-loop landing": [f"{GATEWAY}/{name}.py" for name in ("landing", "output_limiter", "take_over")],
     "watchdog": [f"rcopterx/deploy/watchdog/{name}.py" for name in ("watchdog", "processor_time")],
     "transmitter": [
         f"{GATEWAY}/{name}.py"

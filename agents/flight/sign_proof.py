@@ -58,6 +58,7 @@ SHOWN_S: Final = 0.44  # ...and once all their pulses have been answered...
 SHOWN_FAR_S: Final = 0.52  # ...which the position shows later...
 LEAST_LEAD: Final = 0.2  # ...by so much,
 CERTAIN: Final = 4.0  # ...and by so many standard deviations
+SURE: Final = 14.0  # standard deviations by which a heading turns the wrong way
 YAW_FROM_S: Final = 0.2  # when the thrust of a lift-off has settled
 LEAST_EFFECT: Final = 0.15  # of a stick that acts
 ROUNDS: Final = 2  # after so many rounds that show nothing certain the vehicle lands
@@ -221,15 +222,19 @@ class SignProof:
             return None
         if U_PITCH in self._open:
             return VehicleFault("sign_open", "pitch and roll do not act as modelled", (U_PITCH, U_ROLL))
-        return VehicleFault("axis_dead", "yaw has no effect", (U_YAW,))
+        self.end()  # a heading that turns late or little is flown, and watched as any axis in flight
+        return None
 
     def _judge_yaw(self) -> VehicleFault | None:
         found = self._yaw_seen.fitted()
-        if found is None or abs(found[0][0]) < max(LEAST_EFFECT, CERTAIN * found[1][0]):
+        if found is None:
             return None
-        if found[0][0] < 0.0:
+        effect, deviation = float(found[0][0]), float(found[1][0])
+        if effect > max(LEAST_EFFECT, CERTAIN * deviation):
+            self._open.discard(U_YAW)
+        # A heading that answers late fits badly, and seems to turn the wrong way.
+        if effect < -max(LEAST_EFFECT, SURE * deviation):
             return VehicleFault("sign_wrong", "yaw acts the wrong way: gyro or channel reversed?", (U_YAW,))
-        self._open.discard(U_YAW)
         return None
 
 

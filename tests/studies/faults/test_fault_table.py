@@ -15,11 +15,12 @@ from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
 from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
-from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, moments_of
+from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, SIGNS, moments_of
 from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
 TYPES = load_fleet(TYPES_FILE)
+TURN_S = {"coaxial": 0.0, "crazyflie": 0.55, "betaflight": 1.1, "mavlink_quadrotor": 0.0}
 ENDINGS = (
     "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "starved", "slow",
     "dies-at-start", "crash-loop",
@@ -38,8 +39,13 @@ def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> Non
             for name in BESIDE:
                 row = FAULT_FLIGHTS[f"take-off-{kind}-{moment}-{name}"]
                 assert row.take_off is not None
-                assert (row.take_off.vehicle, row.take_off.after_s) == (name, after_s)
-                assert (row.allowed.height_m, row.allowed.touchdown_m_s) == (0.15, 1.0)
+                assert row.take_off.vehicle == name
+                if after_s is None:
+                    assert row.take_off.after_s is None
+                else:
+                    assert row.take_off.after_s == pytest.approx(TURN_S[name] + after_s)
+                height_m = 0.3 if kind in SIGNS else 0.15
+                assert (row.allowed.height_m, row.allowed.touchdown_m_s) == (height_m, 1.0)
                 assert not row.launched
 
 
