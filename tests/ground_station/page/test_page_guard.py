@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -182,8 +182,11 @@ def test_strangers_leave_no_tracebacks_in_the_terminal(
     client = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     client.putrequest("BREW", "/")
     client.endheaders()
-    with pytest.raises((OSError, http.client.HTTPException)):
-        client.getresponse()
+    # Releases of websockets differ: some close the connection without an answer, others refuse the method.
+    status = BAD
+    with suppress(OSError, http.client.HTTPException):
+        status = client.getresponse().status
+    assert status >= BAD
     fetched(server, "/")
     assert not [record for record in caplog.records if "handshake" in record.getMessage()]
 
