@@ -71,7 +71,9 @@ class Recorder:
     """Writes waiting messages into the files of a flight, at times from `wall_ns` at monotonic zero on."""
 
     def __init__(self, waiting: Waiting, writer: FlightWriter, wall_ns: int) -> None:
-        self._waiting, self._writer, self._wall_ns = waiting, writer, wall_ns
+        self._waiting = waiting
+        self._writer = writer
+        self._wall_ns = wall_ns
         self._gaps = Gaps()
         self._messages = self._unwritten = 0
         self._recorded = {channel.topic for channel in CHANNELS if channel.recorded}

@@ -83,7 +83,8 @@ class Plant(ABC):
     """
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> None:
-        self._name, self._conditions = name, conditions
+        self._name = name
+        self._conditions = conditions
         self._gravity_m_s2 = model.gravity_m_s2
         self._hover_input = four(model.hover_input)
         rms, correlation_s = conditions.turbulence_rms, conditions.turbulence_correlation_s

@@ -20,7 +20,8 @@ class RadioLink(Reception):
 
     def __init__(self, module: RadioModule, receiver: Receiver) -> None:
         super().__init__(module.frames)
-        self.module, self.receiver = module, receiver
+        self.module = module
+        self.receiver = receiver
 
     def power_cycle(self, now_s: float) -> None:
         """See `RadioModule`."""

@@ -39,8 +39,10 @@ class Receiver:
         answers_bind: bool = False,
         in_range_check_reach: bool = True,
     ) -> None:
-        self.model_match, self.in_range_check_reach = model_match, in_range_check_reach
-        self._connect_s, self._answers_bind = connect_s, answers_bind
+        self.model_match = model_match
+        self.in_range_check_reach = in_range_check_reach
+        self._connect_s = connect_s
+        self._answers_bind = answers_bind
         self._failsafe_throttle_us = FAILSAFE_THROTTLE_US
         self.power_cycle()
 

@@ -47,7 +47,8 @@ class TrackerServer:
         if not 0.0 < rate_hz <= 10_000.0:
             raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
         self._offer = PROFILES[profile]
-        self._rate_hz, self._clock = rate_hz, clock
+        self._rate_hz = rate_hz
+        self._clock = clock
         self.faults = TrackerFaults(self._offer)  # faults now and later
         self._clients: dict[int, TrackerLink] = {}
         self._subject_ids: dict[str, int] = {}

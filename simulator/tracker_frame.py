@@ -56,7 +56,8 @@ class FrameContent:
     def __init__(
         self, frame: TrackerFrame, rate_hz: float, subject_ids: Mapping[str, int], y_up: bool = False
     ) -> None:
-        self.frame, self._rate_hz = frame, rate_hz
+        self.frame = frame
+        self._rate_hz = rate_hz
         self._bodies = [(subject_ids[body.name], body) for body in frame.bodies]
         self._y_up = y_up
         self._encoded: dict[int, _Encoded] = {}

@@ -40,7 +40,8 @@ class TrackerReplay(TrackerServer):
             raise ValueError(f"speed {speed}: allowed is more than 0")
         if not recording:
             raise ValueError("the recording holds no connection")
-        self._recording, self._speed = recording, speed
+        self._recording = recording
+        self._speed = speed
         self._begun_at_s = clock()
         super().__init__(host, port, clock=clock)
 

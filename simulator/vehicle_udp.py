@@ -31,7 +31,8 @@ class VehicleUdp(RadioEnd):
 
     def __init__(self, address: tuple[str, int] | str, vehicle: UdpVehicle) -> None:
         super().__init__(vehicle)
-        self.vehicle, self._address = vehicle, address
+        self.vehicle = vehicle
+        self._address = address
         self._socket: socket.socket | None = self._bound()
         self._peer: tuple[str, int] | bytes | None = None
 

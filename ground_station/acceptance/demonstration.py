@@ -38,7 +38,8 @@ class Demonstration:
 
     def __init__(self, fleet: Fleet, stop: Stop, say: Callable[[str], object]) -> None:
         self._fleet, self._clock = fleet, fleet.session.clock
-        self._stop, self._say = stop, say
+        self._stop = stop
+        self._say = say
         self._leader = leader_of(fleet)
         self._recorder = FlightSampler(fleet.session, RECORDS_KEPT)
         self._recording = Recording(())

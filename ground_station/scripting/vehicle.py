@@ -33,7 +33,8 @@ class Vehicle:
     """One vehicle of a running fleet."""
 
     def __init__(self, fleet: Observer, name: str) -> None:
-        self._fleet, self.name = fleet, name
+        self._fleet = fleet
+        self.name = name
 
     def __str__(self) -> str:
         return str(self.state)

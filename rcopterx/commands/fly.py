@@ -209,7 +209,8 @@ class Results:
     """Reports of flights, and their files in a directory, if any; of several flights in subdirectories."""
 
     def __init__(self, directory: Path | None, several: bool) -> None:
-        self._directory, self._several = directory, several
+        self._directory = directory
+        self._several = several
         self._reports: list[dict[str, Any]] = []
         self._pictures: dict[str, str] = {}
         self._draws = directory is not None and find_spec("matplotlib") is not None

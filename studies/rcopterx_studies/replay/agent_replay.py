@@ -142,7 +142,8 @@ class _Compared:
     def __init__(self, recorded: RecordedAgent, tolerance: float) -> None:
         self.result = Comparison(recorded.vehicle)
         self.errors: list[Array] = []  # of the inputs
-        self._recorded, self._tolerance = recorded, tolerance
+        self._recorded = recorded
+        self._tolerance = tolerance
 
     def add(self, time_s: float, step: AgentStep, period: ControlPeriod) -> None:
         """Compare a control period, `time_s` after the first step of the agent."""
