@@ -185,17 +185,20 @@ def _reached_m_s(share: float, climb_m_s: float, command: float, lag_s: float) -
     return climb_m_s
 
 
-def _highest_m(acting: Array, share: float) -> float:
-    """Greatest height of a vehicle under a pulse, whose weight is a share of the hover thrust."""
+def _climb_m_s(acting: Array, share: float) -> Array:
+    """Climb rates from the floor on under a rotor; the weight is a share of the hover thrust."""
     from_floor = acting[int(np.argmax(acting > share)) :]
-    climb_m_s = np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
-    return float(STEP_S * np.cumsum(climb_m_s).max())
+    return np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
+
+
+def _highest_m(acting: Array, share: float) -> float:
+    """Greatest height of such a vehicle."""
+    return float(STEP_S * np.cumsum(_climb_m_s(acting, share)).max())
 
 
 def _risen(acting: Array, share: float) -> tuple[float, float]:
-    """Height and climb rate of a vehicle under a rotor, whose weight is a share of the hover thrust."""
-    from_floor = acting[int(np.argmax(acting > share)) :]
-    climb_m_s = np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
+    """Height and climb rate of such a vehicle now."""
+    climb_m_s = _climb_m_s(acting, share)
     return float(STEP_S * climb_m_s.sum()), float(climb_m_s[-1])
 
 

@@ -2,7 +2,7 @@
 
 A vehicle whose pitch, roll or yaw acts the wrong way flies away as soon as a controller steers it. So no
 controller moves a stick before the vehicle has shown what that stick does: pulses of known shape do. What is
-seen then, the tilt or, where no tilt is measured, the position, is a sum of responses of the model:
+seen then, the tilt, where it is measured, and the position, is a sum of responses of the model:
 
     seen = sum over i, j of effect[i, j] * (response of axis i to stick j) + response to the trim + beginning
 
@@ -13,7 +13,7 @@ thrust of the lift-off, which turns coaxial helicopters, has settled.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -61,7 +61,7 @@ CERTAIN: Final = 4.0  # ...and by so many standard deviations
 SURE: Final = 14.0  # standard deviations by which a heading turns the wrong way
 YAW_FROM_S: Final = 0.2  # when the thrust of a lift-off has settled
 LEAST_EFFECT: Final = 0.15  # of a stick that acts
-ROUNDS: Final = 2  # after so many rounds that show nothing certain the vehicle lands
+ROUNDS: Final = 2  # after so many rounds without certainty of pitch and roll the vehicle lands
 
 _RIGHT, _EXCHANGED = np.eye(2), np.eye(2)[::-1]
 _PITCH, _ROLL = np.diag((-1.0, 1.0)), np.diag((1.0, -1.0))
@@ -136,13 +136,11 @@ class SignProof:
             self._begin_round(time_s + WAITING_S)
         if time_s < self._begun_s or (measurement is None and self._yaw_rad is None):
             return
-        before_rad = (
-            self._yaw_rad if measurement is None or self._yaw_rad is not None else measurement.yaw_rad
-        )
+        measured_rad = self._yaw_rad if measurement is None else measurement.yaw_rad
+        before_rad = measured_rad if self._yaw_rad is None else self._yaw_rad
+        assert measured_rad is not None
         assert before_rad is not None
-        turned_rad = (
-            0.0 if measurement is None else math.remainder(measurement.yaw_rad - before_rad, math.tau)
-        )
+        turned_rad = math.remainder(measured_rad - before_rad, math.tau)
         self._yaw_rad = before_rad + turned_rad
         ahead, left = heading_matrix(before_rad + 0.5 * turned_rad).T
         for value, duration_s in inputs.between(self._until_s, time_s):
@@ -196,19 +194,16 @@ class SignProof:
 
     def _judge_lateral(self, elapsed_s: float) -> VehicleFault | None:
         """Judge pitch and roll: right by the tilt or the position, wrong by all that is measured."""
-        tilt = _reading(self._tilt_seen, elapsed_s > SHOWN_S)
+        tilt = _reading(self._tilt_seen, elapsed_s > SHOWN_S) if self._tilted else None
         far = elapsed_s > SHOWN_FAR_S
         # Beside a tilt the position serves as a second witness, once it has seen everything.
         place = _reading(self._place_seen, far) if far or not self._tilted else None
-        readings = (tilt, place) if self._tilted else (place,)
-        found = {None if one is None or not one.certain else one.number for one in readings}
-        if 0 in found:
+        if 0 in (tilt, place):
             self._open -= {U_PITCH, U_ROLL}
             return None
-        number = found.pop()
-        if number is None or found:
+        if place is None or (self._tilted and tilt != place):
             return None
-        return VehicleFault("sign_wrong", READINGS[number][1], (U_PITCH, U_ROLL))
+        return VehicleFault("sign_wrong", READINGS[place][1], (U_PITCH, U_ROLL))
 
     def _judge_silence(self) -> VehicleFault | None:
         """Return a fault for sticks that a round, or the last one, has left open."""
@@ -238,15 +233,11 @@ class SignProof:
         return None
 
 
-class _Reading(NamedTuple):
-    """What pulses of pitch and roll have shown: the likeliest of `READINGS` by its number."""
+def _reading(seen: "_Regression", shown: bool) -> int | None:
+    """Number of the reading that pitch and roll have shown, None without certainty.
 
-    number: int
-    certain: bool
-
-
-def _reading(seen: "_Regression", shown: bool) -> _Reading | None:
-    """Read the effects of pitch and roll; `shown` once all pulses have been answered."""
+    `shown`: all pulses have been answered.
+    """
     found = seen.fitted()
     if found is None:
         return None
@@ -257,7 +248,7 @@ def _reading(seen: "_Regression", shown: bool) -> _Reading | None:
     certain = lead > max(LEAST_LEAD if shown else EARLY_LEAD, CERTAIN * float(deviation[:4].max()))
     if best == 0:
         certain = certain and lead > 2.0 * LEAST_EFFECT
-    return _Reading(best, certain)
+    return best if certain else None
 
 
 class _Regression:
