@@ -386,7 +386,8 @@ class Arbiter:
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
-        self._event_s = self._found_event_s() if self._event_s is None else self._event_s
+        if self._event_s is None:
+            self._event_s = self._found_event_s()
         return self._event_s
 
     def _found_event_s(self) -> float:

@@ -192,7 +192,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             states = [self.state_of(name) for name in vehicles]
             climbing.update(state.name for state in states if state.airborne)
             return [
-                f"{state.name}: {state.given_up or NOT_LIFTED}" if state.phase == "armed" else state.summary()
+                f"{state.name}: {state.remarks or NOT_LIFTED}" if state.phase == "armed" else state.summary()
                 for state in states
                 if state.transmitter_state == "killed" or (state.name in climbing and not state.airborne)
             ]

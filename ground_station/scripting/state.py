@@ -118,8 +118,8 @@ class VehicleState:
         return () if self.agent is None else self.agent.assigned
 
     @property
-    def given_up(self) -> str:
-        """Why its agent has given up the flight, or what it remarks; empty without a reason."""
+    def remarks(self) -> str:
+        """What its agent remarks, as the reason of a landing; empty without a remark."""
         return "" if self.agent is None else "; ".join(self.agent.diagnostics.remarks)
 
     @property

@@ -179,10 +179,10 @@ def test_the_web_page_is_served_before_its_fleet_is_up(tmp_path: Path) -> None:
 
 
 def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: str) -> None:
-    told: list[str] = []
-    with page_of(up, told.append):
-        wait_for(lambda: bool(told), "no address")
-        (line,) = told
+    announced: list[str] = []
+    with page_of(up, announced.append):
+        wait_for(lambda: bool(announced), "no address")
+        (line,) = announced
         assert line.startswith("web page: http://127.0.0.1:")
         with urllib.request.urlopen(line.removeprefix("web page: "), timeout=DEADLINE_S) as answer:
             assert answer.status == 200
@@ -197,13 +197,13 @@ def test_a_page_that_breaks_off_is_announced_with_the_reason(monkeypatch: pytest
         return open_process([sys.executable, "-c", "raise RuntimeError('no floor')"], **options)
 
     monkeypatch.setattr("rcopterx.commands.ground.subprocess.Popen", broken)
-    told: list[str] = []
-    with page_of("trio", told.append):
-        wait_for(lambda: told == ["the web page has ended: RuntimeError: no floor"], "not announced")
+    announced: list[str] = []
+    with page_of("trio", announced.append):
+        wait_for(lambda: announced == ["the web page has ended: RuntimeError: no floor"], "not announced")
 
 
 def test_a_demonstration_without_websockets_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
-    told: list[str] = []
-    with page_of("trio", told.append):
-        assert told == ["no web page: it needs websockets: pip install 'rcopterx[ground]'"]
+    announced: list[str] = []
+    with page_of("trio", announced.append):
+        assert announced == ["no web page: it needs websockets: pip install 'rcopterx[ground]'"]

@@ -28,22 +28,13 @@ from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.udp_port import UdpPort
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.phases import Phase
+from support.take_offs import FILE as LABORATORY
 from support.udp import udp_paths
 
 NAME = "h1"
 FRAME_S, STEPS = 0.02, 4
 LANDED_S, FORCED_S = 15.0, 3.0
-FILE = """
-name = "firmware"
-[hosts.main]
-router_port = 27462
-[volume]
-min_m = [-1.5, -1.5, 0.0]
-max_m = [1.5, 1.5, 2.0]
-[tracker]
-address = "127.0.0.1:28462"
-[simulator]
-rate_hz = 50
+VEHICLE = """
 [vehicles.h1]
 type = "{type}"
 subject = "h1"
@@ -64,7 +55,7 @@ class FirmwareFlight:
         seed: int = 1,
     ) -> None:
         [path] = udp_paths(1)
-        fleet = parse_fleet(FILE.format(type=kind, port=path, settings=settings, model=model))
+        fleet = parse_fleet(LABORATORY + VEHICLE.format(type=kind, port=path, settings=settings, model=model))
         protocol, calibration = protocol_of(fleet, NAME), calibration_of(fleet, NAME)
         assert isinstance(protocol, SetPointRadio)
         self.now_s, self.frame, self.sequence = 0.0, 0, 0
