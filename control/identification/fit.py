@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -21,7 +20,6 @@ from rcopterx.control.identification.motions import (
     SETTLE_S,
     Candidate,
     Motion,
-    Offsets,
     heading,
     horizontal,
     vertical,
@@ -39,6 +37,14 @@ from rcopterx.control.identification.parameters import (
     vertical_parameters,
 )
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.identification.result import (
+    HEADING,
+    HEIGHT,
+    PARTS,
+    FittedParameter,
+    FittedPart,
+    Identification,
+)
 from rcopterx.vehicles.model import (
     DAMPING_FACTOR,
     IDENTIFIED,
@@ -64,50 +70,21 @@ LEAST_CERTAIN: Final = 0.15  # largest relative deviation of gains and frequency
 _WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
-_AXES: Final = ("horizontal motion", "height", "heading")
 _GAINS: Final = ((PITCH_GAIN.name, ROLL_GAIN.name), (THRUST_GAIN.name,), (YAW_RATE_GAIN.name,))
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
+_MEASURED: Final = _ESSENTIAL | {YAW_RATE_GAIN.name}
 
 Flights = Sequence[FlightRecording]
 MotionOf = Callable[[Candidate, FlightRecording], Motion]
 
 
-@dataclass(frozen=True)
-class FittedParameter:
-    """A number before and after, with its standard deviation."""
-
-    name: str
-    unit: str
-    before: float
-    value: float
-    deviation: float
-
-
-@dataclass(frozen=True)
-class PredictionErrors:
-    """Root mean square errors of predictions one second ahead; the horizontal one is per axis."""
-
-    horizontal_m: float
-    height_m: float
-    yaw_rad: float
-
-
-@dataclass(frozen=True)
-class Identification:
-    """Result of a fit."""
-
-    model: Model  # the fitted model with its uncertainty
-    offsets: Offsets  # trim and tilt of the markers in this flight
-    parameters: tuple[FittedParameter, ...]
-    # errors of the old and the new model in the part of the flight that was not fitted
-    before: PredictionErrors
-    after: PredictionErrors
-    problems: tuple[str, ...]  # why the result must not be used; empty if it may be
-    remarks: tuple[str, ...]  # what the flight does not show, so that the uncertainty is not narrowed
-
-
-def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -> Identification:
+def identify(
+    recording: FlightRecording, model: Model, *more: FlightRecording, ordinary: bool = False
+) -> Identification:
     """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited, or to several together.
+
+    Of an `ordinary` flight, which nobody watches for it, no gain beyond the uncertainty of the model is
+    accepted: a vehicle that differs by more has a fault, or is of another type.
 
     Raises ValueError for less, a part shorter than `SHORTEST_PART_S`, or a flight of another type of vehicle.
     """
@@ -117,40 +94,43 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     hover = _hover_thrust(flights, model)
     logged = any(flight.logged for flight in flights)
     known = replace(model, gravity_m_s2=hover * model.input_gain[U_THRUST]) if logged else model
-    start, fits = Candidate(known), []
     with_tilt = all(flight.tilt is not None for flight in flights)
-    candidate = start
-    for fit in (
-        _horizontal_fit(candidate, with_tilt, logged),
-        _Fit(vertical_parameters(logged), vertical, logged),
-        _Fit(heading_parameters(model), heading, far=True),
-    ):  # in the order of `Uncertainty`
-        fits.append(fit.run(candidate, fitted))
-        candidate = fits[-1].candidate
-    by_axis = [fitted_part.numbers(start) for fitted_part in fits]
-    numbers = tuple(number for of_axis in by_axis for number in of_axis)
     judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
-    before = prediction_errors(Candidate(model, candidate.offsets), judged)
-    after = prediction_errors(candidate, judged)
-    bounds = [fitted_part.at_bounds() for fitted_part in fits]
-    essential = [
-        f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"
-        for name in chain(*bounds)
-        if name in _ESSENTIAL
-    ]
-    doubtful = [[name for name in at_bounds if name not in _ESSENTIAL] for at_bounds in bounds]
-    problems = (*_too_little(numbers), *_worse(before, after), *essential)
-    found = _finished(candidate.model, model, hover)
-    uncertainty = _uncertainty(found, model, by_axis, [bool(names) for names in doubtful])
+    candidate, parts = Candidate(known), []
+    for name, fit in zip(
+        PARTS,
+        (
+            _horizontal_fit(candidate, with_tilt, logged),
+            _Fit(vertical_parameters(logged), vertical, logged),
+            _Fit(heading_parameters(model), heading, far=True),
+        ),
+        strict=True,
+    ):
+        found = fit.run(candidate, fitted)
+        part = _judged(name, found, Candidate(known), model, judged)
+        parts.append(_within(part, model) if ordinary else part)
+        candidate = found.candidate if parts[-1].accepted else candidate
+    height = parts[PARTS.index(HEIGHT)]
+    finished = _finished(candidate.model, model, hover if height.accepted else None)
     return Identification(
-        replace(found, uncertainty=uncertainty),
-        candidate.offsets,
-        numbers,
-        before,
-        after,
-        problems,
-        tuple(_doubtful(name, axis) for axis, names in zip(_AXES, doubtful, strict=True) for name in names),
+        replace(finished, uncertainty=_uncertainty(finished, model, parts)), candidate.offsets, tuple(parts)
     )
+
+
+def _judged(name: str, found: "_Found", start: Candidate, model: Model, flights: Flights) -> FittedPart:
+    """Judge the fit of a part, which began at `start`, by flights that were not fitted."""
+    numbers, bounds = found.numbers(start), found.at_bounds()
+    before = _error(Candidate(model, found.candidate.offsets), found.motion, flights)
+    after = _error(found.candidate, found.motion, flights)
+    essential = [
+        f"{at_bound} went as far as it may: the vehicle is not of this type, or the flight does not show it"
+        for at_bound in bounds
+        if at_bound in _ESSENTIAL
+    ]
+    doubtful = [at_bound for at_bound in bounds if at_bound not in _ESSENTIAL]
+    problems = (*_too_little(numbers), *_worse(name, before, after), *essential)
+    remarks = tuple(_doubtful(at_bound, name) for at_bound in doubtful)
+    return FittedPart(name, tuple(numbers), before, after, problems, remarks)
 
 
 def _check(flights: Flights, kind: str) -> None:
@@ -174,17 +154,13 @@ def _hover_thrust(flights: Flights, model: Model) -> float:
     return hover
 
 
-def prediction_errors(candidate: Candidate, flights: Flights) -> PredictionErrors:
-    """Return the errors of predictions one second ahead in some flights."""
-
-    def rms(motion_of: MotionOf) -> float:
-        motions = [motion_of(candidate, flight) for flight in flights]
-        errors = np.concatenate(
-            [each.errors_ahead(round(AHEAD_S / each.period_s))[each.settled :] for each in motions]
-        )
-        return float(np.sqrt(np.mean(np.abs(errors) ** 2)))
-
-    return PredictionErrors(rms(horizontal) / math.sqrt(2.0), rms(vertical), rms(heading))
+def _error(candidate: Candidate, motion_of: MotionOf, flights: Flights) -> float:
+    """Error of predictions one second ahead in some flights, rms per axis."""
+    motions = [motion_of(candidate, flight) for flight in flights]
+    errors = np.concatenate(
+        [each.errors_ahead(round(AHEAD_S / each.period_s))[each.settled :] for each in motions]
+    )
+    return float(np.sqrt(np.mean(np.abs(errors) ** 2) / (2.0 if motion_of is horizontal else 1.0)))
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
@@ -206,6 +182,7 @@ def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
 @dataclass(frozen=True)
 class _Found:
     candidate: Candidate
+    motion: MotionOf
     parameters: tuple[Parameter, ...]
     position: Array
     deviation: Array
@@ -258,7 +235,8 @@ class _Fit:
             )
             position = solved.x
         covariance = np.linalg.inv(solved.jac.T @ solved.jac)
-        return _Found(self._at(start, position), self.parameters, position, np.sqrt(np.diag(covariance)))
+        deviation = np.sqrt(np.diag(covariance))
+        return _Found(self._at(start, position), self.motion, self.parameters, position, deviation)
 
     def _at(self, start: Candidate, position: Array) -> Candidate:
         candidate = start
@@ -297,46 +275,47 @@ def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
     return _Fit(parameters, horizontal, logged, begin_at)
 
 
-def _finished(model: Model, before: Model, hover: float) -> Model:
-    """Fitted model with derived values: hover thrust, equivalent lags."""
+def _finished(model: Model, before: Model, hover: float | None) -> Model:
+    """Fitted model with derived values: equivalent lags, and a hover thrust where the height is fitted."""
     lag_s = model.lag_s
     if model.tilt is not None and before.tilt is not None:
         slower = before.tilt.frequency_rad_s / model.tilt.frequency_rad_s
         lag_s = (lag_s[0] * slower, lag_s[1] * slower, *lag_s[2:])
+    if hover is None:
+        return replace(model, lag_s=lag_s, gravity_m_s2=before.gravity_m_s2)
     return replace(model, lag_s=lag_s, hover_thrust=hover)
 
 
-def _uncertainty(
-    model: Model, before: Model, numbers: Sequence[Sequence[FittedParameter]], doubtful: Sequence[bool]
-) -> Uncertainty:
-    """Uncertainty of a fitted model, by numbers and doubts of horizontal motion, height and heading.
+def _uncertainty(model: Model, before: Model, parts: Sequence[FittedPart]) -> Uncertainty:
+    """Uncertainty of a fitted model; parts that were refused stay as uncertain as before.
 
-    Gain and delay of an axis in doubt stay at least as uncertain as before. Frequency and damping stay as
+    Gain and delay of a part in doubt stay at least as uncertain as before. Frequency and damping stay as
     certain as the fit: no weights bear those of all vehicles of a type with the model of one.
     """
     certain = [
-        {number.name: number.deviation / number.value for number in of_axis if number.value > 0.0}
-        for of_axis in numbers
+        {number.name: number.deviation / number.value for number in part.parameters if number.value > 0.0}
+        for part in parts
     ]
     known, gains, delays_s = before.uncertainty, list[float](), list[float]()
-    for axis, names in enumerate(_GAINS):
+    fractions = list(known.frequency_fraction)
+    for axis, (part, names) in enumerate(zip(parts, _GAINS, strict=True)):
         fitted = 1.0 + _THREE_DEVIATIONS * max(certain[axis].get(name, 0.0) for name in names)
         # Gains that are kept are known; with prior knowledge of the type no gain is less certain than its.
         gain = max(IDENTIFIED.gain_factor[axis], min(fitted, known.gain_factor[axis]))
         delay_s = IDENTIFIED.delay_s[axis]
-        if doubtful[axis]:
+        if part.accepted:
+            fractions[axis] = IDENTIFIED.frequency_fraction[axis]
+        if part.remarks or not part.accepted:
             gain, delay_s = max(gain, known.gain_factor[axis]), max(delay_s, known.delay_s[axis])
         gains.append(gain)
         delays_s.append(delay_s)
-    of_tilt = _THREE_DEVIATIONS * certain[0].get(FREQUENCY.name, 0.0)
-    fraction, *others = IDENTIFIED.frequency_fraction
-    fraction = max(fraction, of_tilt)
+    damping, without_tilt = known.tilt_damping, known.without_tilt
+    if parts[0].accepted:
+        fractions[0] = max(fractions[0], _THREE_DEVIATIONS * certain[0].get(FREQUENCY.name, 0.0))
+        damping = _damping_range(model, before, certain[0].get(DAMPING.name, 0.0))
+        without_tilt = None if model.tilt is None else (gains[0], delays_s[0], fractions[0])
     return Uncertainty(
-        three(np.array(gains)),
-        three(np.array(delays_s)),
-        (fraction, others[0], others[1]),
-        _damping_range(model, before, certain[0].get(DAMPING.name, 0.0)),
-        None if model.tilt is None else (gains[0], delays_s[0], fraction),
+        three(np.array(gains)), three(np.array(delays_s)), three(np.array(fractions)), damping, without_tilt
     )
 
 
@@ -351,25 +330,33 @@ def _damping_range(model: Model, before: Model, deviation: float) -> Two | None:
     return damping_range(model.tilt.damping_ratio, factor)
 
 
+def _within(part: FittedPart, model: Model) -> FittedPart:
+    """The part, with a problem for each gain that the uncertainty of the model does not contain."""
+    axis = PARTS.index(part.name)
+    factor = model.uncertainty.gain_factor[axis]
+    beyond = tuple(
+        f"{one.name} is {one.value / one.before:.2f} times that of the type: at most {factor:g} is learned"
+        for one in part.parameters
+        if one.name in _GAINS[axis] and not 1.0 / factor <= one.value / one.before <= factor
+    )
+    return replace(part, problems=part.problems + beyond)
+
+
 def _too_little(numbers: Sequence[FittedParameter]) -> list[str]:
     return [
         f"too little excitation: {number.name} is known to within "
         f"{100 * number.deviation / number.value:.0f} % only, at most {100 * LEAST_CERTAIN:.0f} % is needed"
         for number in numbers
-        if number.name in _ESSENTIAL and number.deviation > LEAST_CERTAIN * abs(number.value)
+        if number.name in _MEASURED and number.deviation > LEAST_CERTAIN * abs(number.value)
     ]
 
 
-def _worse(before: PredictionErrors, after: PredictionErrors) -> list[str]:
-    pairs = (
-        ("horizontal motion", 1e3 * before.horizontal_m, 1e3 * after.horizontal_m, "mm"),
-        ("height", 1e3 * before.height_m, 1e3 * after.height_m, "mm"),
-        ("heading", 1e3 * before.yaw_rad, 1e3 * after.yaw_rad, "mrad"),
-    )
+def _worse(name: str, before: float, after: float) -> list[str]:
+    if after <= _WORSE * before:
+        return []
+    unit, old, new = "mrad" if name == HEADING else "mm", 1e3 * before, 1e3 * after
     return [
-        f"fit worse than before: {what} one second ahead off by {new:.0f} {unit} instead of {old:.0f} {unit}"
-        for what, old, new, unit in pairs
-        if new > _WORSE * old
+        f"fit worse than before: {name} one second ahead off by {new:.0f} {unit} instead of {old:.0f} {unit}"
     ]
 
 

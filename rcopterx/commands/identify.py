@@ -16,8 +16,8 @@ from rcopterx.commands.output import JsonOption, PlotOption, print_changes, prin
 from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
-    from rcopterx.control.identification.fit import Identification
     from rcopterx.control.identification.recording import FlightRecording
+    from rcopterx.control.identification.result import Identification
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -143,13 +143,15 @@ def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Sa
 
 
 def _use(name: str, found: "Identification", path: Path | None, running: "Fleet | None", say: Say) -> None:
-    """Write a model that has no problems into the fleet file, if any, and let the vehicle fly with it."""
+    """Write the accepted parts of a model into the fleet file, if any, and let the vehicle fly with them."""
     from rcopterx.fleet.editing import fitted_parameters, write_model
 
     for remark in found.remarks:
         say(f"{name}: {remark}")
-    if found.problems:
+    if not found.accepted:
         return
+    if found.problems:
+        say(f"{name}: of the model only {', '.join(found.accepted)} can be used")
     if path is not None:
         print_changes(name, write_model(path, name, found.model), say)
         say(f"{name}: the model is in {path}")
@@ -209,6 +211,7 @@ def document_of(vehicle: str, found: "Identification") -> dict[str, Any]:
         "parameters": [asdict(number) for number in found.parameters],
         "offsets": asdict(found.offsets),
         "one_second_ahead": {"before": asdict(found.before), "after": asdict(found.after)},
+        "accepted": list(found.accepted),
         "problems": list(found.problems),
         "remarks": list(found.remarks),
         "model": asdict(found.model),

@@ -12,9 +12,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.signal import savgol_filter
 
-from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.motions import SETTLE_S
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
+from rcopterx.control.identification.result import Identification
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS

@@ -8,10 +8,12 @@ from support.simulated_flight import simulated_flight, still_flight
 from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE, QUADROTOR
 
 from rcopterx.control.controllers.cascade.weights import default_weights
-from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.excitation import Excitation, excitation_for
+from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.identification.result import HEADING, HEIGHT, HORIZONTAL, Identification
 from rcopterx.vehicles.model import IDENTIFIED, Model
-from rcopterx.vehicles.state import U_YAW
+from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
 
 
@@ -260,3 +262,46 @@ def test_gains_that_follow_from_settings_are_kept() -> None:
     assert found.model.input_gain[:2] == gain[:2]
     assert found.model.input_gain[3] / -found.model.damping[3] == pytest.approx(gain[3] / -known.damping[3])
     assert found.model.uncertainty.gain_factor >= IDENTIFIED.gain_factor
+
+
+def quiet(flight: FlightRecording, axis: int) -> FlightRecording:
+    """A vehicle that was excited in every axis but one."""
+    excitation = excitation_for(other_helicopter(), flight.duration_s)
+    amplitude = tuple(0.0 if one == axis else size for one, size in enumerate(excitation.amplitude))
+    return simulated_flight(
+        other_helicopter(), flight.duration_s, Excitation(amplitude, excitation.duration_s)
+    )
+
+
+def test_a_heading_that_nothing_excites_stays_as_it_is(flight: FlightRecording) -> None:
+    found = identify(quiet(flight, U_YAW), COAXIAL)
+    assert found.accepted == (HORIZONTAL, HEIGHT)
+    assert [problem.startswith("too little excitation: yaw rate gain") for problem in found.problems] == [
+        True
+    ]
+    assert found.model.input_gain[U_YAW] == COAXIAL.input_gain[U_YAW]
+    assert (found.model.lag_s[U_YAW], found.model.thrust_coupling) == (
+        COAXIAL.lag_s[U_YAW],
+        COAXIAL.thrust_coupling,
+    )
+    assert found.model.uncertainty.axes[U_YAW] == COAXIAL.uncertainty.axes[U_YAW]
+    assert found.model.uncertainty.axes[:U_YAW] == IDENTIFIED.axes[:U_YAW]
+
+
+def test_of_an_ordinary_flight_no_gain_beyond_the_uncertainty_is_accepted(flight: FlightRecording) -> None:
+    strong = replace(COAXIAL, input_gain=(*COAXIAL.input_gain[:2], 28.0, COAXIAL.input_gain[U_YAW]))
+    found = identify(flight, strong, ordinary=True)
+    assert found.accepted == (HORIZONTAL, HEADING)
+    assert any(
+        problem.endswith("times that of the type: at most 1.45 is learned") for problem in found.problems
+    )
+    assert found.model.hover_thrust == strong.hover_thrust
+    assert found.model.input_gain[U_THRUST] == strong.input_gain[U_THRUST]
+    assert found.model.input_gain[:2] == pytest.approx(other_helicopter().input_gain[:2], rel=0.06)
+
+
+def test_nothing_changes_where_every_part_is_refused(flight: FlightRecording) -> None:
+    another = replace(COAXIAL, input_gain=(1.2, 1.0, 28.0, 40.0))
+    found = identify(flight, another, ordinary=True)
+    assert found.accepted == ()
+    assert found.model == another
