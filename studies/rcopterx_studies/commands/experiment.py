@@ -54,7 +54,8 @@ def experiment(
         str | None,
         typer.Option(
             metavar="LEVEL,...",
-            help="Models that the pilots have of their vehicles: default, identified, exact. Default: all.",
+            help="Models that the pilots have of their vehicles: default, identified, exact; in fleets "
+            "learned, too. Default: all.",
         ),
     ] = None,
     resume: ResumeOption = None,
@@ -123,12 +124,10 @@ def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
 
 
 def _levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...]":
-    """Levels of knowledge that the command names, in the usual order; all by default."""
-    from rcopterx_studies.experiments.knowledge import LEVELS
-
+    """Levels of knowledge that the command names, in the usual order; all of the experiment by default."""
     if chosen is None:
-        return LEVELS
-    if not row.compares_knowledge:
+        return row.levels
+    if not row.levels:
         raise typer.BadParameter(f"{row.name} does not compare it", param_hint="--knowledge")
-    names = known_names(chosen, LEVELS, "level", "--knowledge")
-    return tuple(level for level in LEVELS if level in names)
+    names = known_names(chosen, row.levels, "level", "--knowledge")
+    return tuple(level for level in row.levels if level in names)

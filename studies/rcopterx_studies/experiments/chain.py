@@ -19,7 +19,7 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
-from rcopterx_studies.experiments.knowledge import COAXIAL_LAG, Knowledge, plant_type
+from rcopterx_studies.experiments.knowledge import COAXIAL_LAG, LEVELS, Knowledge, plant_type
 from rcopterx_studies.experiments.record import rms, rms_and_max_mm
 from rcopterx_studies.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
@@ -254,5 +254,5 @@ EXPERIMENT: Final = Experiment(
     cases,
     figures,
     draw_chain,
-    compares_knowledge=True,
+    levels=LEVELS,
 )

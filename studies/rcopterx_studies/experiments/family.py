@@ -19,7 +19,7 @@ from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.experiments.events import FlyEvent, GoToEvent, PilotEvent
-from rcopterx_studies.experiments.knowledge import COAXIAL, Knowledge, plant_type
+from rcopterx_studies.experiments.knowledge import COAXIAL, LEVELS, Knowledge, plant_type
 from rcopterx_studies.experiments.record import VehicleRecord, rms
 from rcopterx_studies.experiments.rig import GUARDED, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, FlightResult, Options
@@ -226,5 +226,5 @@ EXPERIMENT: Final = Experiment(
     cases,
     lambda _, flights: distribution(flights),
     draw_family,
-    compares_knowledge=True,
+    levels=LEVELS,
 )

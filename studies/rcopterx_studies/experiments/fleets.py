@@ -1,6 +1,7 @@
 """Formations of three vehicles drawn from a family: five minutes of set points, distances and yaw steps.
 
-The sequence of `formation`, flown with the default configuration; every seed draws three other vehicles.
+The sequence of `formation`, flown with the default configuration; every seed draws three other vehicles. To
+learn, they first fly a minute of set points, distances and yaw steps, as agents do in any flight.
 """
 
 from collections.abc import Mapping
@@ -8,14 +9,27 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
+from rcopterx.control.identification.fit import identify
+from rcopterx.fleet.editing import fitted_parameters
 from rcopterx.simulator.conditions import Conditions
-from rcopterx_studies.experiments.formation import FOLLOWERS, SLOT_S, events, formation, sequence
+from rcopterx_studies.experiments.formation import (
+    FOLLOWERS,
+    LEADER,
+    SLOT_S,
+    SLOTS,
+    events,
+    formation,
+    sequence,
+)
 from rcopterx_studies.experiments.knowledge import Knowledge
 from rcopterx_studies.experiments.record import rms
 from rcopterx_studies.experiments.rig import GUARDED, SETTLED_S, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
 from rcopterx_studies.experiments.schemes import CASCADE
 
+LEARNING_SLOTS: Final = 10  # of `SLOTS`, a minute, before the vehicles learn
+RETURN_SLOTS: Final = 3
+HOME_M: Final = (0.0, 0.0, 1.0)
 LOST_M: Final = 0.5  # further from its place at the end of the flight, a follower is lost
 
 
@@ -35,9 +49,12 @@ def fly_fleet(
 ) -> FlownFleet:
     """Fly the whole sequence with one fleet."""
     slots = sequence(quick)
-    vehicles = formation(replace(CASCADE, knowledge=knowledge), conditions, seed)
-    record = Rig(vehicles, conditions, seed, GUARDED).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
-    errors_m = record.formation_error_m(SETTLED_S)
+    rig = Rig(formation(replace(CASCADE, knowledge=knowledge), conditions, seed), conditions, seed, GUARDED)
+    if knowledge == "learned":
+        learn(rig)
+    begun_s = rig.time_s
+    record = rig.fly((len(slots) + 2) * SLOT_S, events(slots, begun_s), progress)
+    errors_m = record.formation_error_m(begun_s + SETTLED_S)
     ends_m = [float(record[name].formation_error_m()[-1]) for name in FOLLOWERS]
     return FlownFleet(
         rms_mm=1e3 * rms(errors_m),
@@ -46,6 +63,17 @@ def fly_fleet(
         touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.values()),
         fallbacks=sum(record.fallbacks().values()),
     )
+
+
+def learn(rig: Rig) -> None:
+    """Fly a minute as any other, fit a model to it for every vehicle, use these, and return to the start."""
+    logs = {name: rig.log(name) for name in rig.pilots}
+    rig.fly(LEARNING_SLOTS * SLOT_S, events(SLOTS[:LEARNING_SLOTS], rig.time_s))
+    for name, log in logs.items():
+        found = identify(log.recording(), rig.pilots[name].model, ordinary=True)
+        rig.use_model(name, fitted_parameters(found.model))
+    back = ((LEADER, HOME_M, 0.0),)
+    rig.fly(RETURN_SLOTS * SLOT_S, events((back,), rig.time_s))
 
 
 def cases(options: Options) -> Cases[FlownFleet]:
@@ -74,5 +102,5 @@ EXPERIMENT: Final = Experiment(
     {"helicopters": 30},
     cases,
     figures,
-    compares_knowledge=True,
+    levels=("default", "learned", "identified", "exact"),
 )

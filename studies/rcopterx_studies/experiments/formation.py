@@ -103,15 +103,16 @@ def sequence(quick: bool = False) -> tuple[Slot, ...]:
     return SLOTS[:QUICK_SLOTS] if quick else SLOTS + mirrored(SLOTS)
 
 
-def events(slots: Iterable[Slot]) -> list[PilotEvent]:
-    """Events of a sequence, one slot every six seconds from the sixth second on."""
+def events(slots: Iterable[Slot], begun_s: float = 0.0) -> list[PilotEvent]:
+    """Events of a sequence, one slot every six seconds from the sixth second after its beginning on."""
     result: list[PilotEvent] = []
     for index, slot in enumerate(slots, 1):
+        at_s = begun_s + index * SLOT_S
         for name, position_m, yaw_rad in slot:
             if name == LEADER:
-                result.append(GoToEvent(index * SLOT_S, name, position_m, yaw_rad))
+                result.append(GoToEvent(at_s, name, position_m, yaw_rad))
             else:
-                result.append(FollowEvent(index * SLOT_S, name, (following(position_m, yaw_rad),)))
+                result.append(FollowEvent(at_s, name, (following(position_m, yaw_rad),)))
     return result
 
 

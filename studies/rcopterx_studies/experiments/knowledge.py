@@ -12,8 +12,9 @@ from typing import Final, Literal
 import numpy as np
 
 from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
-from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.identification.result import Identification
 from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
@@ -36,11 +37,13 @@ COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 CRAZYFLIE: Final = vehicle_type("crazyflie").model
 
-Knowledge = Literal["default", "identified", "exact"]
-"""`default`: the type. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
+Knowledge = Literal["default", "learned", "identified", "exact"]
+"""`default`: the type. `learned`: the type, until the vehicle has learned from its own ordinary flight; in
+`fleets` only. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
 `exact`: the true parameters."""
 
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
+"""Levels at which a flight can begin."""
 PROMPT_S: Final = 0.005  # servo lag of a vehicle without servos
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0
@@ -72,7 +75,7 @@ def known_model(
     first-order plants.
     """
     nominal = plant_type(conditions)
-    if knowledge == "default":
+    if knowledge in ("default", "learned"):
         return nominal
     if nominal is COAXIAL_LAG:
         raise ValueError(f"knowledge {knowledge!r}: first-order plants are known by default only")
@@ -183,7 +186,6 @@ def identification(conditions: Conditions, name: str, seed: int, measured_tilt: 
 def identified_model(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Model:
     """Model that an identification found; that of the type where it was refused."""
     try:
-        found = identification(conditions, name, seed, measured_tilt)
+        return identification(conditions, name, seed, measured_tilt).model
     except NotIdentifiedError:
         return plant_type(conditions)
-    return plant_type(conditions) if found.problems else found.model

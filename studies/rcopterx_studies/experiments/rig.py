@@ -26,7 +26,7 @@ from rcopterx.agents.separation.avoidance import NeighbourPlan
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
-from rcopterx.agents.tuning.guard import OscillationGuard
+from rcopterx.agents.tuning.guard import OscillationGuard, without_guard
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import LeaderLink, SchemeMessage
 from rcopterx.bus.session import BusAddress
@@ -155,10 +155,23 @@ class Rig:
         pilot.observe(self._measured(name))
         pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
 
+    @property
+    def time_s(self) -> float:
+        """Time of the next period."""
+        return self._frame * PERIOD_S
+
     def log(self, name: str) -> FlightLog:
         """Log poses and sticks of a vehicle from now on, for an identification."""
         self._logs[name] = FlightLog(self._vehicles[name].model.kind, PERIOD_S)
         return self._logs[name]
+
+    def use_model(self, name: str, parameters: Mapping[str, object]) -> None:
+        """Let a vehicle fly on with identified parameters, as agents do; `RigError` if it cannot."""
+        tuning = self.tunings[name]
+        tuning.begin(without_guard(tuning.configuration).changed(None, {}, None, {}, parameters))
+        tuning.wait()
+        if isinstance(outcome := tuning.finish(), ValueError):
+            raise RigError(f"{name}: {outcome}")
 
     def fly(
         self, duration_s: float, events: Sequence[PilotEvent] = (), progress: Progress | None = None
@@ -171,7 +184,7 @@ class Rig:
         waiting = deque(sorted(events, key=lambda event: event.time_s))
         rows: dict[str, list[tuple[object, ...]]] = {name: [] for name in self._vehicles}
         for flown in range(frames):
-            now_s = self._frame * PERIOD_S
+            now_s = self.time_s
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
             self._control(now_s, rows)

@@ -68,7 +68,8 @@ class Experiment(Generic[T]):
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
     # draws a result into an empty `matplotlib` figure
     draw: Callable[[FlightResult[T], Any], None] | None = None
-    compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
+    # levels of `Options.knowledge` at which it flies; none if it does not compare them
+    levels: tuple[Knowledge, ...] = ()
     helicopters_only: bool = False  # whether it needs conditions with helicopters
 
     def seeds(self, preset: str) -> tuple[int, ...]:

@@ -44,3 +44,12 @@ def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None
     )
     assert set(result.document) == set(LEVELS)
     assert set(labels) == {f"{level}, helicopters, seed {seed}" for level in LEVELS for seed in (100, 101)}
+    assert set(fleets.EXPERIMENT.levels) == {*LEVELS, "learned"}
+
+
+def test_a_fleet_that_has_learned_in_ordinary_flight_keeps_its_formation_better() -> None:
+    default, learned = (
+        fly_fleet(level, quick=True, conditions=HELICOPTERS, seed=1) for level in ("default", "learned")
+    )
+    assert learned.rms_mm < 0.75 * default.rms_mm
+    assert (learned.lost, learned.touched_floor, learned.fallbacks) == (False, False, 0)
