@@ -131,6 +131,8 @@ class Pilot:
         used = self.estimation.observe(frame, self._standing)
         if used and self._signs.under_way:
             self._signs.observe(frame.measurement, self.input_history, self.clock.time_s)
+        if used and frame.measurement is not None:
+            self._lift_off.see(float(frame.measurement.position_m[Z]), self.clock.time_s)
         return used
 
     def coast(self) -> bool:
@@ -238,6 +240,8 @@ class Pilot:
         self.guidance.check_floor(self.estimate, time_s)
         if self._lift_off.under_way:
             self._update_lift_off(time_s)
+        elif self._signs.under_way and self._lift_off.undone(time_s):
+            self._lift_off.resume(time_s)
         if exciter.under_way:
             flying = self.guidance.phase is Phase.FLYING
             exciter.watch(time_s, self.estimate.motion[:YAW], self.estimation.blind_s, flying)

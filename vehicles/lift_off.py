@@ -17,6 +17,7 @@ CLEAR_M: Final = 0.4  # ...and one so far above it jumps visibly if another body
 ROSE_M: Final = 0.003  # one so far above it has risen
 WEAK_SHARE: Final = 0.7  # of the hover thrust, which lifts no vehicle
 UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may have reached unseen
+AGAIN_M_S: Final = 0.3  # of which a vehicle that is seen to stand again has reached so much at most
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
 SINKING_S: Final = 1.2  # time in which a vehicle sinks after a problem
 STOPPED_M: Final = 0.003  # a vehicle that has risen moves on by so much before it may be so fast unseen
@@ -213,7 +214,7 @@ class LiftOffProof:
         (first_s, first), (last_s, last) = self._newest[0], self._newest[-1]
         self._climb_m_s = (last[2] - first[2]) / (last_s - first_s) if last_s > first_s else 0.0
         if self._rise_m <= ROSE_M < before_m and self.problem is None:
-            self._unseen_m = self._unseen_m_s = 0.0  # it stands again
+            self._unseen_m, self._unseen_m_s = 0.0, min(self._unseen_m_s, AGAIN_M_S)
 
     def _judge(self, pose: SeenPose, stands: SeenPose) -> None:
         """Judge the mean of the newest poses against where the vehicle stood."""
@@ -239,7 +240,7 @@ class LiftOffProof:
         if self.problem is None:
             self.problem = problem
             if self._rise_m > ROSE_M:
-                since_s = self._newest[-1][0] - self._changed_s
+                since_s = max(self._newest[-1][0] - self._changed_s, 0.0)
                 self._unseen_m = self._rise_m + self._climb_m_s * since_s
                 self._unseen_m_s = self._climb_m_s
             self._flew = self._unseen_m > 0.0

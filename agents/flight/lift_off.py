@@ -31,6 +31,8 @@ NEAR_FLOOR: Final = 1.05  # by how much more the rotors of a coaxial helicopter 
 TRY_S: Final = 1.5  # of a pulse, and until a light vehicle that nothing sees has sunk to the floor
 FAILED_S: Final = SPOOL_UP_S + TRIES * TRY_S
 LIFTED_M: Final = 0.004  # a dozen times the noise of a motion capture
+STANDING_M: Final = 0.002  # a vehicle that had lifted and is so low again...
+STANDING_S: Final = 0.08  # ...for so long has not
 HELD_S: Final = 0.02  # time for which a command is held
 STEPS: Final = 4  # in that time
 STEP_S: Final = HELD_S / STEPS
@@ -49,8 +51,11 @@ class LiftOff:
         self._hover = float(model.hover_input[U_THRUST]) / near_floor
         largest = float(model.u_max[U_THRUST]) / self._hover
         self._pulse = _pulse(self._hover, largest, float(model.lag_s[U_THRUST]))
-        self._begun_s = math.inf
+        peak = int(self._pulse.commanded.argmax())
+        self._brakes_s = HELD_S * (peak + int(self._pulse.commanded[peak:].argmin())) - SPOOL_UP_S
+        self._begun_s = self._before_s = math.inf
         self.floor_m = 0.0
+        self._low_since_s = math.inf  # since when frames show a standing vehicle
 
     @property
     def under_way(self) -> bool:
@@ -67,7 +72,13 @@ class LiftOff:
 
     def end(self) -> None:
         """End the lift-off: the vehicle flies, or the take-off was given up."""
-        self._begun_s = math.inf
+        self._before_s, self._begun_s = self._begun_s, math.inf
+
+    def resume(self, time_s: float) -> None:
+        """Brake as after a pulse, with the tries that are left: the vehicle is seen to stand again."""
+        tried_s = time_s - self._before_s - SPOOL_UP_S - self._brakes_s
+        tries = max(math.ceil(tried_s / TRY_S), 0)
+        self._begun_s = time_s - SPOOL_UP_S - self._brakes_s - tries * TRY_S
 
     def thrust(self, time_s: float) -> float:
         """Return the thrust input to command now. 0 while nothing is under way."""
@@ -106,9 +117,21 @@ class LiftOff:
         step = _step(max(time_s - self._model.delay_s - self._begun_s, 0.0))
         return self._pulse.acting[: step + 1]
 
+    def see(self, height_m: float, time_s: float) -> None:
+        """Use the height that a frame shows."""
+        if height_m >= self.floor_m + STANDING_M:
+            self._low_since_s = math.inf
+        elif self._low_since_s == math.inf:
+            self._low_since_s = time_s
+
     def lifted(self, height_m: float, time_s: float) -> bool:
-        """Whether the vehicle has left the floor, by a thrust that may lift it."""
-        return time_s >= self._begun_s + SPOOL_UP_S and height_m > self.floor_m + LIFTED_M
+        """Whether the vehicle has left the floor, by a thrust that may lift it; `height_m` is estimated."""
+        risen = self._low_since_s == math.inf and height_m > self.floor_m + LIFTED_M
+        return risen and time_s >= self._begun_s + SPOOL_UP_S
+
+    def undone(self, time_s: float) -> bool:
+        """Whether a vehicle that has lifted is seen to stand again."""
+        return time_s > self._low_since_s + STANDING_S
 
     def failed(self, time_s: float) -> bool:
         """Whether it has not lifted, and has sunk to the floor if it did so unseen."""

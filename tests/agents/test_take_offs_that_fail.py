@@ -12,6 +12,8 @@ from rcopterx.transmitter_gateway.inputs import State
 TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
 HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
+FROM_STANDING_M = 0.28  # of a light vehicle in the hop of a pulse, which a body on the floor hides
+FROM_STANDING_M_S = 1.1
 FROM_CLEAR_M_S = 1.4  # of a vehicle that sinks from 0.4 m under 0.76 of its hover thrust
 
 
@@ -100,6 +102,25 @@ def test_a_pose_that_becomes_wrong_just_after_the_lift_off_ends_it_below_0_4_m(
     assert bench.plants["h1"].on_floor
     assert bench.arbiters["h1"].state is State.CUT
     assert "lift-off: its pose" in bench.arbiters["h1"].reason
+
+
+@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("begins_s", [0.5, 0.55, 0.6, 0.65])
+def test_a_body_that_stands_in_the_place_of_a_vehicle_that_has_just_lifted_brings_it_back_to_the_floor(
+    kind: str, begins_s: float
+) -> None:
+    conditions = "crazyflies" if kind in ("coaxial", "crazyflie") else "helicopters"
+    for seed in (1, 3):
+        bench = TakeOffs({"h1": kind}, conditions, seed=seed)
+        stands = bench.views["h1"]()
+        assert stands is not None
+        bench.take_off("h1")
+        bench.run(begins_s)
+        bench.views["h1"] = another_body(stands)
+        bench.run(7.0)
+        assert bench.highest_m["h1"] < FROM_STANDING_M
+        assert bench.hardest_m_s["h1"] < FROM_STANDING_M_S
+        assert bench.arbiters["h1"].state is State.CUT
 
 
 @pytest.mark.parametrize("kind", TYPES)

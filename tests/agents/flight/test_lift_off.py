@@ -158,6 +158,37 @@ def test_a_vehicle_that_is_shown_higher_before_its_rotor_can_lift_it_has_not_lif
     assert not lift_off.lifted(0.1, begun_s + share * (0.55 + SPOOL_UP_S))
 
 
+@given(models, st.floats(0.0, 100.0), st.floats(SPOOL_UP_S, FAILED_S - TRY_S))
+def test_a_lift_off_that_is_resumed_brakes_and_ends_no_later(
+    model: Model, begun_s: float, lifted_s: float
+) -> None:
+    lift_off, carries = LiftOff(model), float(model.hover_input[U_THRUST])
+    lift_off.begin(begun_s, 0.0)
+    lift_off.end()
+    resumed_s = begun_s + lifted_s
+    lift_off.resume(resumed_s)
+    assert lift_off.under_way
+    assert lift_off.thrust(resumed_s) == 0.0
+    assert lift_off.thrust(resumed_s + 0.5) < 0.8 * carries
+    assert lift_off.failed(begun_s + FAILED_S + 1e-6)
+
+
+@given(models, st.floats(0.0, 0.0019), st.floats(0.003, 0.1))
+def test_a_vehicle_that_has_lifted_stands_again_if_it_is_seen_low_for_a_while(
+    model: Model, low_m: float, high_m: float
+) -> None:
+    lift_off = LiftOff(model)
+    lift_off.begin(0.0, 0.0)
+    lift_off.see(high_m, 1.0)
+    assert not lift_off.undone(2.0)
+    lift_off.see(low_m, 2.0)
+    assert not lift_off.undone(2.05)
+    lift_off.see(low_m, 2.1)
+    assert lift_off.undone(2.1)
+    lift_off.see(high_m, 2.2)
+    assert not lift_off.undone(2.2)
+
+
 @given(models, times_s)
 def test_a_vehicle_that_stands_is_given_up_after_a_while(model: Model, begun_s: float) -> None:
     lift_off = LiftOff(model)
