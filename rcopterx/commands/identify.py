@@ -35,6 +35,9 @@ ReachOption = Annotated[
         help="Largest distance from the set point. Default: 0.4, with --all as the volume allows.",
     ),
 ]
+ColumnsOption = Annotated[
+    Path | None, Option("--columns", metavar="FILE", help="Map of the columns of CSV files (.toml).")
+]
 
 
 def identify(
@@ -52,9 +55,12 @@ def identify(
     from_files: Annotated[
         list[Path] | None,
         Option(
-            "--from", metavar="FILE", help="Fit a recorded flight: .npz, or .csv of a Crazyflie; repeatable."
+            "--from",
+            metavar="FILE",
+            help="Fit a recorded flight: .npz, .csv by --columns or of a Crazyflie; repeatable.",
         ),
     ] = None,
+    columns: ColumnsOption = None,
     save: Annotated[Path | None, Option(metavar="FILE", help="File for the recording (.npz).")] = None,
     plot: PlotOption = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Change neither flight nor fleet file.")] = False,
@@ -80,7 +86,7 @@ def identify(
     failures: dict[str, str] = {}
     with nullcontext() if from_files else running_fleet(fleet) as running:
         if running is None:
-            flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
+            flights = {names[0]: [_loaded(file, names[0], one, columns) for one in from_files or ()]}
         else:
             flights, failures = _flown(running, names, (seconds, strength), reach, say)
         if save is not None and flights:
@@ -97,14 +103,14 @@ def identify(
         raise failure(*problems)
 
 
-def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
+def _loaded(file: "FleetFile", name: str, path: Path, columns: Path | None) -> "FlightRecording":
     from rcopterx.control.identification.recording import RecordingError, load_recording
 
     try:
         if not path.name.endswith((".csv", ".csv.gz")):
             return load_recording(path)
         studies = added("identify", "identify --from FILE.csv")
-        found: FlightRecording = studies.recorded_flight(file, name, path)
+        found: FlightRecording = studies.recorded_flight(file, name, path, columns)
         return found
     except RecordingError as error:
         raise failure(f"{name}: {error}") from None

@@ -118,7 +118,7 @@ def test_flights_in_csv_files_are_fitted_together_and_written(file: Path, tmp_pa
     paths = [write_csv(tmp_path / f"{index}.csv", rows_of(flight)) for index, flight in enumerate(flights)]
     arguments = ("h1", "--from", paths[0], "--from", paths[1], "-f", file)
     code, _, err = identify(*arguments)
-    assert (code, "radio protocol 'crazyflie'" in err) == (2, True)
+    assert (code, "radio protocol has to be 'crazyflie'" in err) == (2, True)
     file.write_text(PAIR.replace("[vehicles.h1]\n", '[vehicles.h1]\ntype = "crazyflie"\n'))
     code, _, err = identify(*arguments)
     assert code == 0, err

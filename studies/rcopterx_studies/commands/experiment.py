@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.commands.identify import ColumnsOption
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
 from rcopterx.commands.parsing import check_known
 from rcopterx.simulator.conditions import PRESETS
@@ -34,8 +35,12 @@ def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
     flights: Annotated[
         Path | None,
-        typer.Argument(metavar="DIRECTORY", help="Recorded flights (.csv, .csv.gz), for real-flights."),
+        typer.Argument(
+            metavar="DIRECTORY",
+            help="Recorded flights (.csv, .csv.gz), for real-flights; with --columns one.",
+        ),
     ] = None,
+    columns: ColumnsOption = None,
     as_json: JsonOption = False,
     plot: PlotOption = None,
     seeds: Annotated[
@@ -72,6 +77,9 @@ def experiment(
     check_known([name], [*EXPERIMENTS, REAL_FLIGHTS], "experiment", "NAME")
     if (flights is not None) != (name == REAL_FLIGHTS):
         raise typer.BadParameter(f"{REAL_FLIGHTS} needs a directory, others take none")
+    if columns is not None and flights is not None:
+        _predict_rest(flights, columns, as_json)
+        return
     if flights is not None:
         _judge(flights, plot, as_json)
         return
@@ -106,6 +114,20 @@ def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
     if plot is not None:
         write_plot(evidence.draw, plot)
     print_document({"flights": list(found), "unusable": unusable} | evidence.document(), as_json)
+
+
+def _predict_rest(path: Path, columns: Path, as_json: bool) -> None:
+    from rcopterx.fleet.vehicle_types import vehicle_type
+    from rcopterx_studies.experiments.flight_csv import read_columns, read_mapped
+    from rcopterx_studies.experiments.real_flights import predict_rest
+
+    try:
+        named = read_columns(columns)
+        known = vehicle_type(named.type).model
+        document = predict_rest(read_mapped(path, known.kind, named), known)
+    except (ValueError, OSError) as error:
+        raise typer.BadParameter(str(error), param_hint="DIRECTORY") from None
+    print_document(document, as_json)
 
 
 def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:

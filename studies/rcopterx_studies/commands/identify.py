@@ -1,4 +1,4 @@
-"""What `identify --from FILE.csv` does: reads flights of Crazyflies that were recorded elsewhere."""
+"""What `identify --from FILE.csv` does: reads flights that were recorded elsewhere."""
 
 from pathlib import Path
 
@@ -8,16 +8,25 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.radios.crazyflie import CrazyflieProtocol
 from rcopterx.radios.crtp import FULL_THRUST
-from rcopterx_studies.experiments.flight_csv import CommandScale, read_flight
+from rcopterx_studies.experiments.flight_csv import (
+    CommandScale,
+    read_columns,
+    read_flight,
+    read_mapped,
+)
 
 
-def recorded_flight(file: FleetFile, name: str, path: Path) -> FlightRecording:
-    """Read a CSV file as a flight of a vehicle, with what full sticks command over its own radio.
+def recorded_flight(file: FleetFile, name: str, path: Path, columns: Path | None) -> FlightRecording:
+    """Read a CSV file as a flight of a vehicle, by a map of its columns if there is one.
 
-    Raises `FleetError` for a vehicle with another radio, `RecordingError` for a file that cannot be used.
+    Without a map it is of a Crazyflie, with what full sticks command over its own radio. Raises `FleetError`
+    for a vehicle with another radio, `RecordingError` for a file that cannot be used.
     """
+    kind = type_of(file, name).name
+    if columns is not None:
+        return read_mapped(path, kind, read_columns(columns))
     radio = protocol_of(file, name)
     if not isinstance(radio, CrazyflieProtocol):
-        raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
+        raise FleetError(f"vehicles.{name}: without --columns its radio protocol has to be 'crazyflie'")
     full = CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)
-    return read_flight(path, type_of(file, name).name, full)
+    return read_flight(path, kind, full)

@@ -1,7 +1,8 @@
 """Flights that others recorded of a Crazyflie, as evidence: estimators on their poses, predictions of them.
 
 A model is fitted to every second flight and predicts the others, with the commands that were sent; then the
-halves change places, so that no flight is predicted by a model that was fitted to it.
+halves change places, so that no flight is predicted by a model that was fitted to it. Of any other vehicle a
+part of one flight is fitted and the rest is predicted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -138,11 +139,7 @@ class Evidence:
             "prediction_rms": prediction,
             "innovations": {name: _innovations(runs) for name, runs in self.estimators.items()},
             "draught_m_s2": self.draught_m_s2.round(3).tolist(),
-            "fits": [
-                {"parameters": {one.name: float(f"{one.value:.3g}") for one in fit.parameters}}
-                | {"problems": list(fit.problems)}
-                for fit in self.fits
-            ],
+            "fits": [_fit_document(fit) for fit in self.fits],
         }
 
     def draw(self, figure: Any) -> None:
@@ -173,6 +170,47 @@ def judge(flights: Sequence[FlightRecording]) -> Evidence:
             models[name].append(follow(flight, model, "extended_kalman"))
     draught_m_s2 = np.sqrt(np.mean([draught(flight) for flight in flights], axis=0))
     return Evidence(fits, _joined(estimators), _joined(models), draught_m_s2)
+
+
+SHARES: Final = ((0.0, 0.6), (0.2, 0.8), (0.4, 1.0))
+"""Parts of a single flight that a model is fitted to; it predicts the others."""
+
+
+def predict_rest(flight: FlightRecording, known: Model) -> dict[str, Any]:
+    """Fit a type to parts of a flight, predict the rest, and compare with predictions at a constant velocity.
+
+    Returns a JSON document: by part the fit, and ratios of errors by model and time ahead, horizontal and in
+    height.
+    """
+    document = {}
+    for begin, end in SHARES:
+        fit = identify(flight.part(begin, end), known)
+        rest = [flight.part(*part) for part in ((0.0, begin), (end, 1.0)) if part[0] < part[1]]
+        straight, *models = (
+            _joined({name: [follow(one, model, estimator, name == CONSTANT) for one in rest]})[name]
+            for name, model, estimator in (
+                (CONSTANT, known, "kalman"),
+                (TYPE, known, "extended_kalman"),
+                (FITTED, fit.model, "extended_kalman"),
+            )
+        )
+        document[f"{begin:g} to {end:g}"] = _fit_document(fit) | {
+            name: {
+                f"{ahead_s:g} s": _ratios(_sizes_mm(errors), _sizes_mm(straight.errors_m[ahead_s]))
+                for ahead_s, errors in runs.errors_m.items()
+            }
+            for name, runs in zip((TYPE, FITTED), models, strict=True)
+        }
+    return document
+
+
+def _ratios(sizes: Mapping[str, float], of_straight: Mapping[str, float]) -> dict[str, float]:
+    return {name.removesuffix("_mm"): round(size / of_straight[name], 2) for name, size in sizes.items()}
+
+
+def _fit_document(fit: Identification) -> dict[str, Any]:
+    parameters = {one.name: float(f"{one.value:.3g}") for one in fit.parameters}
+    return {"parameters": parameters, "problems": list(fit.problems)}
 
 
 def draught(flight: FlightRecording) -> Array:

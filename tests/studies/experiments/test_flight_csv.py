@@ -10,7 +10,7 @@ import pytest
 from support.flight_csv import FULL, rows_of, write_csv
 
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
-from rcopterx_studies.experiments.flight_csv import is_csv, read_flight
+from rcopterx_studies.experiments.flight_csv import is_csv, read_columns, read_flight, read_mapped
 
 Rows = list[dict[str, float]]
 
@@ -135,3 +135,46 @@ def test_names_show_csv_files() -> None:
 def test_voltages_belong_to_rows() -> None:
     with pytest.raises(RecordingError, match="battery_v"):
         replace(flight(), battery_v=np.zeros(3))
+
+
+MAP = """
+pitch = {{ pid_controller_pitch = {share:.9f} }}
+roll = {{ pid_controller_roll = {share:.9f} }}
+thrust = {{ pid_controller_cmd_thrust = {thrust:.9f}, pid_controller_pitch = 0.0 }}
+from_s = 1700000000.595
+until_s = 1700000001.395
+"""
+
+
+def mapped(directory: Path, rows: Rows, text: str = MAP) -> FlightRecording:
+    columns = directory / "columns.toml"
+    columns.write_text(text.format(share=-1.0 / FULL.tilt_deg, thrust=1.0 / FULL.thrust))
+    return read_mapped(write_csv(directory / "flight.csv", rows), "coaxial", read_columns(columns))
+
+
+def test_a_map_names_columns_and_times_of_any_vehicle(tmp_path: Path) -> None:
+    rows = rows_of(flight())
+    spiked = [*rows[:60], {**rows[60], "pid_controller_pitch": 500.0}, *rows[61:]]
+    found, whole = mapped(tmp_path, spiked), mapped(tmp_path, rows, MAP.partition("from_s")[0])
+    begin = 30
+    assert len(found.yaw_rad) == pytest.approx(0.8 / 0.02, abs=1)
+    assert (found.kind, found.logged) == ("coaxial", False)
+    shown = slice(begin, begin + len(found.yaw_rad))
+    np.testing.assert_allclose(found.position_m, whole.position_m[shown], atol=1e-6)
+    np.testing.assert_allclose(found.inputs[:-3], whole.inputs[shown][:-3], atol=0.01)
+    np.testing.assert_allclose(found.inputs[:, 3], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("pitch = {{ a = 1.0 }}", "columns.toml: .*roll"),
+        ("pitch = 3", "columns.toml: Expected `object`"),
+        ("pitch = ", "columns.toml: Invalid value"),
+        (MAP.replace("cmd_thrust", "cmd"), "no column pid_controller_cmd"),
+        (MAP.replace("until_s = 1700000001.395", "until_s = 1.0"), "fewer than two rows"),
+    ],
+)
+def test_maps_that_do_not_fit_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(RecordingError, match=words):
+        mapped(tmp_path, rows_of(flight()), text)

@@ -25,6 +25,7 @@ from rcopterx_studies.experiments.real_flights import (
     draught,
     follow,
     judge,
+    predict_rest,
     read_flights,
     type_model,
 )
@@ -34,8 +35,8 @@ STRONG = replace(CRAZYFLIE, input_gain=(3.2, 3.2, 13.0, 46.5))
 
 
 @cache
-def flight(seed: int) -> FlightRecording:
-    one = simulated_flight(STRONG, 20.0, seed=seed)
+def flight(seed: int, seconds: float = 20.0) -> FlightRecording:
+    one = simulated_flight(STRONG, seconds, seed=seed)
     return replace(one, battery_v=np.full(len(one.yaw_rad), 3.7))
 
 
@@ -77,6 +78,15 @@ def test_every_flight_is_predicted_by_a_fit_to_the_others(
     assert all(name in (tmp_path / "errors.svg").read_text() for name in (TYPE, FITTED))
 
 
+def test_parts_of_a_flight_predict_the_rest() -> None:
+    document = predict_rest(flight(1, 40.0), CRAZYFLIE)
+    assert list(document) == ["0 to 0.6", "0.2 to 0.8", "0.4 to 1"]
+    for of_part in document.values():
+        assert of_part[FITTED]["0.5 s"]["horizontal"] < min(1.0, of_part[TYPE]["0.5 s"]["horizontal"])
+        assert of_part["parameters"]["pitch gain"] == pytest.approx(3.2, rel=0.3)
+    assert json.loads(json.dumps(document)) == document
+
+
 def test_files_that_are_no_flights_are_named(tmp_path: Path) -> None:
     for number in range(4):
         write_csv(tmp_path / f"{number}.csv", rows_of(flight(1).part(0.0, 0.2)))
@@ -100,6 +110,7 @@ def test_the_type_hovers_with_the_thrust_that_is_set() -> None:
         (["real-flights"], "real-flights needs a directory"),
         (["hover", "."], "others take none"),
         (["real-flights", "nowhere"], "nowhere"),
+        (["real-flights", "none.csv", "--columns", "none.toml"], "none.toml"),
         (["real-flights", "docs"], "0 flights, at least 4 are needed"),
     ],
 )
