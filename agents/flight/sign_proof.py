@@ -59,7 +59,8 @@ SHOWN_FAR_S: Final = 0.52  # ...which the position shows later...
 LEAST_LEAD: Final = 0.2  # ...by so much,
 CERTAIN: Final = 4.0  # ...and by so many standard deviations
 SURE: Final = 14.0  # standard deviations by which a heading turns the wrong way
-YAW_FROM_S: Final = 0.2  # when the thrust of a lift-off has settled
+YAW_FROM_S: Final = 0.2  # when the thrust of a lift-off has settled...
+SWUNG: Final = 0.4  # ...if it varies by less than this share of the hover thrust from then on
 LEAST_EFFECT: Final = 0.15  # of a stick that acts
 ROUNDS: Final = 2  # after so many rounds without certainty of pitch and roll the vehicle lands
 
@@ -115,6 +116,7 @@ class SignProof:
         # Responses of the yaw to its stick, to the thrust, to its trim, and to its rate at the beginning.
         self._turning = [still, still, still, spinning]
         self._tilt_seen, self._place_seen, self._yaw_seen = _Regression(), _Regression(), _Regression()
+        self._thrusts: list[float] = []  # of the rotor, with each heading that is used
         for number, trim in ((4, (1.0, 0.0)), (5, (0.0, 1.0))):
             self._tilt(number, *trim, LIFTED_S)
 
@@ -173,6 +175,7 @@ class SignProof:
                 self._tilt_seen.add([*row, *beginning], float(tilt[axis]))
         if elapsed_s > YAW_FROM_S:
             self._yaw_seen.add([*(estimate.motion[YAW] for estimate in self._turning), 1.0], yaw_rad)
+            self._thrusts.append(float(self._turning[1].actuator[U_THRUST]))
 
     def judge(self, time_s: float) -> VehicleFault | None:
         """Return what is certainly wrong; a stick that is certainly right is left to the controller.
@@ -227,8 +230,9 @@ class SignProof:
         effect, deviation = float(found[0][0]), float(found[1][0])
         if effect > max(LEAST_EFFECT, CERTAIN * deviation):
             self._open.discard(U_YAW)
-        # A heading that answers late fits badly, and seems to turn the wrong way.
-        if effect < -max(LEAST_EFFECT, SURE * deviation):
+        # A heading that answers late fits badly, and a swinging thrust turns it as well.
+        swung = max(self._thrusts) - min(self._thrusts) > SWUNG * self._model.hover_input[U_THRUST]
+        if not swung and effect < -max(LEAST_EFFECT, SURE * deviation):
             return VehicleFault("sign_wrong", "yaw acts the wrong way: gyro or channel reversed?", (U_YAW,))
         return None
 

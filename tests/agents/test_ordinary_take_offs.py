@@ -118,3 +118,12 @@ def test_ordinary_take_offs_raise_no_false_alarm_and_take_hardly_longer(first: i
             assert name in flight.risen_s, what
             later_s.append(flight.risen_s[name] - BEFORE_S[kind])
     assert statistics.mean(later_s) <= LATER_S
+
+
+@pytest.mark.parametrize("number", [69, 96])
+def test_a_heavy_vehicle_or_one_on_a_mat_that_touches_the_floor_again_takes_off(number: int) -> None:
+    flight = Ordinary(number)
+    flight.fly()
+    for name in flight.kinds:
+        assert flight.bench.arbiters[name].state is State.ARMED
+        assert name in flight.risen_s

@@ -13,7 +13,7 @@ TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
 HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
 FROM_STANDING_M = 0.28  # of a light vehicle in the hop of a pulse, which a body on the floor hides
-FROM_STANDING_M_S = 1.1
+FROM_STANDING_M_S = 1.2
 FROM_CLEAR_M_S = 1.4  # of a vehicle that sinks from 0.4 m under 0.76 of its hover thrust
 
 

@@ -182,9 +182,9 @@ def test_a_vehicle_that_has_lifted_stands_again_if_it_is_seen_low_for_a_while(
     lift_off.see(high_m, 1.0)
     assert not lift_off.undone(2.0)
     lift_off.see(low_m, 2.0)
-    assert not lift_off.undone(2.05)
-    lift_off.see(low_m, 2.1)
-    assert lift_off.undone(2.1)
+    assert not lift_off.undone(2.1)
+    lift_off.see(low_m, 2.13)
+    assert lift_off.undone(2.13)
     lift_off.see(high_m, 2.2)
     assert not lift_off.undone(2.2)
 
