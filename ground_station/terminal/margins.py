@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.margins.cascade import loops_of
-from rcopterx.control.margins.following import LinearVehicle, amplifications, linear_vehicle
 from rcopterx.control.margins.loop import (
     DELAY_LIMIT_S,
     FREQUENCY_LIMIT,
@@ -20,19 +19,15 @@ from rcopterx.control.margins.loop import (
     robustness,
 )
 from rcopterx.deploy.roles.run import end_with_parent
-from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.formation.topology import ancestors
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 COLUMNS: Final = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "freq. up", "freq. down",
     "peak M_s", "corner M_s", "below rule",
 )  # fmt: skip
-FORMATION_COLUMNS: Final = ("vehicle", "vehicles above", "passed on", "errors together")
-LARGEST_AMPLIFICATION: Final = 1.5  # of errors along a formation; a deeper one is below the rule
 _NEARLY: Final = 0.999
 
 CONTROLLER: Final = "cascade"
@@ -60,7 +55,7 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
     table: dict[str, Any] = {
         "controller": used.controller,
         "estimator": used.estimator,
-        "unknown": _unknown_loops(used),
+        "unknown": unknown_loops(used),
         "axes": None,
     }
     if table["unknown"] is None:
@@ -81,60 +76,6 @@ def _borne(loop: FeedbackLoop) -> dict[str, Any]:
         "below_rule": list(found.shortfalls),
         "rule": loop.rule._asdict() | {"corner_sensitivity": limit},
     }
-
-
-def formation_margins(file: FleetFile) -> dict[str, Any]:
-    """Growth of errors along the formation of a fleet file, as a JSON document.
-
-    It has `vehicles` by name with the number of vehicles `above`, the share of deviations that is `passed_on`
-    from each vehicle to the next and the amplification of errors `together`, `limit`, and `beyond`, the
-    vehicles beyond the limit; where a vehicle's controller is not known, `vehicles` is null
-    and `unknown` says why. Raises FleetError for a setting that is not allowed.
-    """
-    unknown = next(
-        (f"{name}: {why}" for name in file.vehicles if (why := _unknown_loops(configured(file, name)))), None
-    )
-    document: dict[str, Any] = {"fleet": file.name, "limit": LARGEST_AMPLIFICATION, "unknown": unknown}
-    if unknown is not None:
-        return document | {"vehicles": None, "beyond": []}
-    links, known = links_of(file), dict[tuple[object, ...], LinearVehicle]()
-    leaders = {
-        name: {link.leader: link.weight / sum(each.weight for each in own) for link in own}
-        for name, own in links.items()
-    }
-    shares = {name: vehicle.control.deviation_share for name, vehicle in file.vehicles.items()}
-    vehicles = {name: _linear_vehicle(file, name, known) for name in file.vehicles}
-    together = amplifications(vehicles, leaders, shares)
-    table = {
-        name: {
-            "above": len(ancestors(links, name)),
-            "passed_on": shares[name] * vehicles[name].passed_on if own else 0.0,
-            "together": together[name],
-        }
-        for name, own in links.items()
-    }
-    beyond = [name for name, found in table.items() if not found["together"] <= LARGEST_AMPLIFICATION]
-    return document | {"vehicles": table, "beyond": beyond}
-
-
-def _linear_vehicle(
-    file: FleetFile, name: str, known: dict[tuple[object, ...], LinearVehicle]
-) -> LinearVehicle:
-    """Return a vehicle's linear behaviour; vehicles that are configured alike have the same one."""
-    model, period_s = model_of(file, name), file.vehicles[name].control.period_s
-    changes = {"horizon": file.vehicles[name].control.horizon, "integrators": False}
-    configuration = configured(file, name).changed(None, changes, None, {})
-    key = (model, period_s, repr(configuration))
-    if key not in known:
-        with errors_at(f"vehicles.{name}.control", ValueError):
-            known[key] = linear_vehicle(model, configuration.controller_for(model, period_s))
-    return known[key]
-
-
-def formation_rows(document: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of a formation, in `FORMATION_COLUMNS`."""
-    for name, found in (document["vehicles"] or {}).items():
-        yield name, str(found["above"]), f"{found['passed_on']:.2f}", f"{found['together']:.2f}"
 
 
 def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
@@ -193,7 +134,7 @@ def flying_warnings(fleet: Fleet) -> list[str]:
 
 
 def _warnings(file: FleetFile, name: str, used: Configuration) -> list[str]:
-    if _unknown_loops(used) is not None:
+    if unknown_loops(used) is not None:
         return []
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
@@ -209,7 +150,7 @@ def _loops(file: FleetFile, name: str, used: Configuration) -> dict[str, Feedbac
     return loops_of(model, period_s, used.controller_settings, used.estimator_settings)
 
 
-def _unknown_loops(configuration: Configuration) -> str | None:
+def unknown_loops(configuration: Configuration) -> str | None:
     """Return why the loops of a configuration are not known; None if they are."""
     if (configuration.controller, configuration.estimator) == (CONTROLLER, ESTIMATOR):
         return None

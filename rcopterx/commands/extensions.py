@@ -14,7 +14,7 @@ from typer.core import TyperCommand
 from rcopterx.commands.fleet_option import EXIT_USAGE, failure
 
 GROUP: Final = "rcopterx.commands"
-STUDIES: Final = ("arena", "bench", "experiment")
+STUDIES: Final = ("amplification", "arena", "bench", "experiment")
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 
 

@@ -55,28 +55,6 @@ def test_margins_below_the_rule_are_named_and_fail_scripts(tmp_path: Path) -> No
     assert horizontal["delay_s"] < horizontal["rule"]["delay_s"] == 0.02
 
 
-def test_growth_of_errors_along_a_formation_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    beside = '[[vehicles.h2.follow]]\nleader = "h1"\noffset_m = [0.0, 0.6, 0.0]\n'
-    path = fleet(tmp_path, beside + "[vehicles.h2.control]\ndeviation_share = 1.0\n")
-    result = run("margins", path, "--formation", "--json")
-    assert result.exit_code == 0, result.output
-    found = json.loads(result.output)["vehicles"]
-    assert found["h1"] == {"above": 0, "passed_on": 0.0, "together": pytest.approx(1.0)}
-    assert found["h2"]["passed_on"] > 0.0
-    limit = 0.999 * found["h2"]["together"]
-    monkeypatch.setattr("rcopterx.ground_station.terminal.margins.LARGEST_AMPLIFICATION", limit)
-    result = run("margins", path, "--formation")
-    assert result.exit_code == 1
-    assert "h2: errors grow 1.0" in result.output
-
-
-def test_growth_is_not_known_of_other_controllers(tmp_path: Path) -> None:
-    path = fleet(tmp_path, '[vehicles.h2.control]\ncontroller = "pid"\n')
-    result = run("margins", path, "--formation")
-    assert result.exit_code == 0
-    assert "not for pid with extended_kalman" in result.output
-
-
 def test_of_other_controllers_margins_are_not_known(tmp_path: Path) -> None:
     path = fleet(tmp_path, '[vehicles.h2.control]\ncontroller = "pid"\n')
     result = run("margins", path, "h2")

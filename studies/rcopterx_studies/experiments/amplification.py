@@ -17,10 +17,16 @@ from rcopterx.control.interfaces import Controller, Estimate, TiltEstimate
 from rcopterx.control.models.linear import Complex
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.fleet.formation_check import links_of
+from rcopterx.fleet.schema import FleetFile, errors_at
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.formation.topology import ancestors
+from rcopterx.ground_station.terminal.margins import configured, unknown_loops
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YD_BODY, Array, Z
 
 FREQUENCIES_HZ: Final = np.geomspace(0.2, 10.0, 25)
+LARGEST_AMPLIFICATION: Final = 1.5  # of errors along a formation; more is beyond the limit
 _SMALL: Final = 1e-4
 _HORIZONTAL: Final = np.array([0, 1, 4, 5, 8, 9])  # horizontal columns of a trajectory
 
@@ -132,3 +138,51 @@ def amplifications(
             gains = np.linalg.norm(states[:2].reshape(2, -1, 2), 2, axis=(0, 2))
             peaks[name] = np.maximum(peaks[name], (gains[place] ** 2, np.sum(gains**2)))
     return {name: float(np.sqrt(together / alone)) for name, (alone, together) in peaks.items()}
+
+
+def formation_amplifications(file: FleetFile) -> dict[str, Any]:
+    """Growth of errors along the formation of a fleet file, as a JSON document.
+
+    It has `vehicles` by name with the number of vehicles `above`, the share of deviations that is `passed_on`
+    from each vehicle to the next and the amplification of errors `together`, `limit`, and `beyond`, the
+    vehicles beyond the limit; where a vehicle's controller is not known, `vehicles` is null
+    and `unknown` says why. Raises FleetError for a setting that is not allowed.
+    """
+    unknown = next(
+        (f"{name}: {why}" for name in file.vehicles if (why := unknown_loops(configured(file, name)))), None
+    )
+    document: dict[str, Any] = {"fleet": file.name, "limit": LARGEST_AMPLIFICATION, "unknown": unknown}
+    if unknown is not None:
+        return document | {"vehicles": None, "beyond": []}
+    links, known = links_of(file), dict[tuple[object, ...], LinearVehicle]()
+    leaders = {
+        name: {link.leader: link.weight / sum(each.weight for each in own) for link in own}
+        for name, own in links.items()
+    }
+    shares = {name: vehicle.control.deviation_share for name, vehicle in file.vehicles.items()}
+    vehicles = {name: _linear_vehicle(file, name, known) for name in file.vehicles}
+    together = amplifications(vehicles, leaders, shares)
+    table = {
+        name: {
+            "above": len(ancestors(links, name)),
+            "passed_on": shares[name] * vehicles[name].passed_on if own else 0.0,
+            "together": together[name],
+        }
+        for name, own in links.items()
+    }
+    beyond = [name for name, found in table.items() if not found["together"] <= LARGEST_AMPLIFICATION]
+    return document | {"vehicles": table, "beyond": beyond}
+
+
+def _linear_vehicle(
+    file: FleetFile, name: str, known: dict[tuple[object, ...], LinearVehicle]
+) -> LinearVehicle:
+    """Return a vehicle's linear behaviour; vehicles that are configured alike have the same one."""
+    model, period_s = model_of(file, name), file.vehicles[name].control.period_s
+    changes = {"horizon": file.vehicles[name].control.horizon, "integrators": False}
+    configuration = configured(file, name).changed(None, changes, None, {})
+    key = (model, period_s, repr(configuration))
+    if key not in known:
+        with errors_at(f"vehicles.{name}.control", ValueError):
+            known[key] = linear_vehicle(model, configuration.controller_for(model, period_s))
+    return known[key]

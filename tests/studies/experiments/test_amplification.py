@@ -8,9 +8,9 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.margins.following import LinearVehicle, amplifications, linear_vehicle
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.tilt import TiltModel
+from rcopterx_studies.experiments.amplification import LinearVehicle, amplifications, linear_vehicle
 
 NAMES = tuple(f"h{number}" for number in range(1, 9))
 CHAIN = {"h1": {}} | {name: {leader: 1.0} for leader, name in pairwise(NAMES)}
