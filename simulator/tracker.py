@@ -148,10 +148,11 @@ class TrackerServer:
             client = TrackerLink(link, TrackerConnection(self._offer))
             self._clients[link.fileno()] = client
             self._selector.register(link, selectors.EVENT_READ)
-            self._greet(client)
+            self.greet(client)
             self.accepted += 1
 
-    def _greet(self, client: TrackerLink) -> None:
+    def greet(self, client: TrackerLink) -> None:
+        """Begin the connection of a client."""
         client.queue(client.connection.greeting(), self._clock())
 
     def _receive(self, client: TrackerLink) -> None:
@@ -159,7 +160,7 @@ class TrackerServer:
         client.connection.answers_pings = mute is None
         try:
             if data := client.socket.recv(RECEIVE_BYTES):
-                self._answer(client, data)
+                self.answer(client, data)
             else:
                 self._drop(client)
         except BlockingIOError:
@@ -170,7 +171,8 @@ class TrackerServer:
         except OSError:
             self._drop(client)
 
-    def _answer(self, client: TrackerLink, data: bytes) -> None:
+    def answer(self, client: TrackerLink, data: bytes) -> None:
+        """Answer what a client sent; may raise `WireError`."""
         for packet in client.connection.receive(data):
             self._queue(client, packet, self._clock())
 

@@ -12,20 +12,17 @@ is read up to the last whole record. A thread of its own writes the file: a slow
 
 import struct
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from enum import IntEnum
 from pathlib import Path
 from queue import SimpleQueue
-from typing import BinaryIO, NamedTuple, Self
+from typing import BinaryIO, Self
 
 FILE_MAGIC = b"RCXRAW1\n"
-MAX_RECORD_BYTES = 16 * 1024 * 1024
-_RECORD = struct.Struct("<dBI")
-
-
-class RawRecordingError(ValueError):
-    """The file is not a raw recording."""
+RECORD = struct.Struct("<dBI")  # time, event, length
+MAX_WAITING_BYTES = 32 * 1024 * 1024  # about 15 minutes of three subjects; then the recording ends
+CLOSE_LIMIT_S = 2.0
+MOST_FILES = 1000
 
 
 class RawEvent(IntEnum):
@@ -34,14 +31,6 @@ class RawEvent(IntEnum):
     OPENED = 0
     RECEIVED = 1
     ENDED = 2
-
-
-class RawRecord(NamedTuple):
-    """One record of the file."""
-
-    time_s: float
-    event: RawEvent
-    data: bytes
 
 
 class RawRecorder:
@@ -56,7 +45,7 @@ class RawRecorder:
 
     def record(self, event: RawEvent, data: bytes = b"") -> None:
         """Store an event of a connection, with received bytes or the reason of its end."""
-        self._write(_RECORD.pack(self._clock(), event, len(data)) + data)
+        self._write(RECORD.pack(self._clock(), event, len(data)) + data)
 
     def _write(self, data: bytes) -> None:
         if self.error is not None:
@@ -66,50 +55,6 @@ class RawRecorder:
             self.recorded_bytes += len(data)
         except (OSError, ValueError) as error:  # ValueError: the file has been closed
             self.error = f"raw recording stopped: {error}"
-
-
-def read_records(source: BinaryIO) -> Iterator[RawRecord]:
-    """Yield the records of a recording; `RawRecordingError` if it is none, damaged, or a record too long."""
-    if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
-        raise RawRecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
-    while len(header := source.read(_RECORD.size)) == _RECORD.size:
-        time_s, event, size = _RECORD.unpack(header)
-        if event not in RawEvent.__members__.values() or size > MAX_RECORD_BYTES:
-            raise RawRecordingError(f"damaged recording: event {event} with {size} bytes")
-        data = source.read(size)
-        if len(data) < size:
-            return
-        yield RawRecord(time_s, RawEvent(event), data)
-
-
-@dataclass(slots=True)
-class RecordedConnection:
-    """One connection of a recording: chunks with seconds since its opening, and when it ended."""
-
-    chunks: list[tuple[float, bytes]] = field(default_factory=list)
-    ended_after_s: float | None = None
-
-
-def connections(records: Iterable[RawRecord]) -> list[RecordedConnection]:
-    """Group records by connection."""
-    found: list[RecordedConnection] = []
-    opened_s = 0.0
-    for record in records:
-        if record.event is RawEvent.OPENED:
-            found.append(RecordedConnection())
-            opened_s = record.time_s
-        elif not found:
-            raise RawRecordingError("damaged recording: it does not begin with an opened connection")
-        elif record.event is RawEvent.RECEIVED:
-            found[-1].chunks.append((record.time_s - opened_s, record.data))
-        else:
-            found[-1].ended_after_s = record.time_s - opened_s
-    return found
-
-
-MAX_WAITING_BYTES = 32 * 1024 * 1024  # about 15 minutes of three subjects; then the recording ends
-CLOSE_LIMIT_S = 2.0
-MOST_FILES = 1000
 
 
 class RecordingFileError(ValueError):

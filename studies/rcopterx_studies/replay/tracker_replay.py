@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_link import TrackerLink
-from rcopterx.vicon_gateway.recording import RecordedConnection
+from rcopterx_studies.replay.raw_recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
@@ -42,7 +42,7 @@ class TrackerReplay(TrackerServer):
             raise ValueError("the recording holds no connection")
         self._recording = recording
         self._speed = speed
-        self._begun_at_s = clock()
+        self._time_s, self._begun_at_s = clock, clock()
         super().__init__(host, port, clock=clock)
 
     @property
@@ -53,7 +53,7 @@ class TrackerReplay(TrackerServer):
             return ReplayProgress(0, number, 0.0, 0.0)
         current = (self.accepted - 1) % number
         total_s = _end_s(self._recording[current])
-        played_s = min((self._clock() - self._begun_at_s) * self._speed, total_s)
+        played_s = min((self._time_s() - self._begun_at_s) * self._speed, total_s)
         return ReplayProgress(current + 1, number, played_s, total_s)
 
     @property
@@ -61,14 +61,15 @@ class TrackerReplay(TrackerServer):
         """Whether the last recorded connection has been begun and no client is connected any more."""
         return self.accepted >= len(self._recording) and self.clients == 0
 
-    def _greet(self, client: TrackerLink) -> None:
-        self._begun_at_s = now_s = self._clock()
+    def greet(self, client: TrackerLink) -> None:
+        """Send the next recorded connection at its times."""
+        self._begun_at_s = now_s = self._time_s()
         connection = self._recording[self.accepted % len(self._recording)]
         for after_s, data in connection.chunks:
             client.queue(data, now_s + after_s / self._speed)
         client.queue(None, now_s + _end_s(connection) / self._speed)
 
-    def _answer(self, client: TrackerLink, data: bytes) -> None:
+    def answer(self, client: TrackerLink, data: bytes) -> None:
         """Ignore what a client sends."""
 
 

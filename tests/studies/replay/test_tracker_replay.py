@@ -9,10 +9,10 @@ import pytest
 from support.tracker import running_tracker
 from support.waiting import DEADLINE_S, FakeClock, PatientClock
 
-from rcopterx.simulator.tracker_replay import TrackerReplay
 from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
 from rcopterx.vicon_gateway.frame import CapturedFrame
-from rcopterx.vicon_gateway.recording import RecordedConnection, connections, read_records
+from rcopterx_studies.replay.raw_recording import RecordedConnection, connections, read_records
+from rcopterx_studies.replay.tracker_replay import TrackerReplay
 
 LIMITS = ClientLimits(connect_s=60.0, silence_min_s=60.0, retry_min_s=0.01, retry_max_s=0.02)
 
