@@ -35,18 +35,13 @@ class LastingFault(FaultRequest, frozen=True, kw_only=True):
     @property
     def slot(self) -> tuple[object, ...]:
         """Key of a fault: a second one with the same key replaces the first."""
-        return (type(self), None)
+        return type(self), getattr(self, "subject", getattr(self, "vehicle", None))
 
 
 class SubjectFault(LastingFault, frozen=True):
     """Base of the faults of one subject."""
 
     subject: Subject
-
-    @property
-    def slot(self) -> tuple[object, ...]:
-        """Key of a fault: a second one with the same key replaces the first."""
-        return (type(self), self.subject)
 
 
 class Close(FaultRequest, frozen=True, tag="close"):
@@ -193,11 +188,6 @@ class VehicleFault(LastingFault, frozen=True):
     """Base of the faults of one vehicle."""
 
     vehicle: Annotated[str, Meta(max_length=400)]
-
-    @property
-    def slot(self) -> tuple[object, ...]:
-        """Key of a fault: a second one with the same key replaces the first."""
-        return (type(self), self.vehicle)
 
 
 class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):

@@ -14,7 +14,7 @@ from typer.core import TyperCommand
 from rcopterx.commands.fleet_option import EXIT_USAGE, failure
 
 GROUP: Final = "rcopterx.commands"
-STUDIES: Final = ("amplification", "arena", "bench", "experiment", "replay-tracker")
+STUDIES: Final = ("amplification", "arena", "bench", "experiment", "inject", "replay-tracker")
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 
 

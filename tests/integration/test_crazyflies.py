@@ -20,8 +20,8 @@ from support.radio_addresses import radio_paths
 
 from rcopterx.ground_station.page.alarms import causes_of
 from rcopterx.ground_station.scripting.vehicle import RefusedError
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 

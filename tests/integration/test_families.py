@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import common as mavlink
 from radio_support import kill_gateway_in_flight, module
 from support.udp import udp_paths
 
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 

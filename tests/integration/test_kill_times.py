@@ -10,8 +10,8 @@ from radio_support import RadioLog, module
 from support.radio_addresses import radio_paths
 from support.udp import udp_paths
 
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(900)]
 

@@ -16,8 +16,8 @@ import pytest
 import support
 from integration_support import NAMES, Flying, fleet_text, free_port
 
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Occlude
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -24,8 +24,8 @@ from integration_support import (
 
 from rcopterx.fleet.radios import calibration_of
 from rcopterx.fleet.reading import load_fleet
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

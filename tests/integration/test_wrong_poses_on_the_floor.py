@@ -8,9 +8,9 @@ from support.bus import free_port
 
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator import faults
 from rcopterx.simulator.faults import Fault
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep]
 

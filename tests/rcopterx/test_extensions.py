@@ -24,6 +24,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
     [
         (["experiment", "hover"], "experiment"),
         (["arena"], "arena"),
+        (["amplification", "trio"], "amplification"),
+        (["inject", "close"], "inject"),
+        (["replay-tracker", "a.raw"], "replay-tracker"),
         (["bench", "solver", "--json"], "bench"),
         (["fly", "--faults"], "fly --faults"),
         (["fly", "--faults", "--list"], "fly --faults"),

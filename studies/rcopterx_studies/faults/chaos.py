@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 from rcopterx_studies.faults.bench import FaultFlight
 from rcopterx_studies.faults.flying import FaultRange
 from rcopterx_studies.faults.load import loaded
 from rcopterx_studies.faults.promise import SeenFlight
+from rcopterx_studies.faults.scenario import FaultRefusedError
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 PAUSE_S: Final = (2.0, 4.0)  # from the beginning of one fault to that of the next one, at least and at most

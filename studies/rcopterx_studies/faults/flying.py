@@ -16,12 +16,12 @@ from rcopterx.ground_station.acceptance.paper_sequence import leader_of
 from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
-from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.faults.bench import Bench, FaultFlight
 from rcopterx_studies.faults.observation import WATCHED, broken_in, seen_of
 from rcopterx_studies.faults.promise import Promise, SeenFlight
 from rcopterx_studies.faults.reports import Report, not_flown, report_of
+from rcopterx_studies.faults.scenario import FaultRefusedError
 from rcopterx_studies.faults.take_offs import attempt, fit_again
 
 HOME_M: Final = (0.0, 0.0, 1.0)  # where the leader hovers

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
 from rcopterx_studies.faults.bench import Bench, Injector
+from rcopterx_studies.faults.scenario import inject_faults
 
 
 @dataclass(frozen=True)

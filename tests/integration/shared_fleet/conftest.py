@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth, fleets, in_lockstep, not_killed, transmitter_state
 
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import Recover
+from rcopterx_studies.faults.scenario import inject_faults
 
 HEIGHT_M = 0.8
 HOME_M = (0.0, 0.0, HEIGHT_M)

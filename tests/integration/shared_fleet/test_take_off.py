@@ -5,8 +5,8 @@ import threading
 import pytest
 from integration_support import Flying, Truth, counter
 
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import Silence
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

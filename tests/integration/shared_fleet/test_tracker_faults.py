@@ -7,9 +7,9 @@ import pytest
 from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, transmitter_state
 
 from rcopterx.bus.host_messages import TrackerStatus
-from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator import faults
 from rcopterx.simulator.faults import Fault, fault_text
+from rcopterx_studies.faults.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.simulator.faults import TimedFault
 
+app = typer.Typer(add_completion=False)
 
+
+@app.command(rich_help_panel="Try out faults")
 def inject(
     fault: Annotated[str | None, Argument(metavar="FAULT", help="Fault to inject, see --list.")] = None,
     fields: Annotated[
@@ -29,13 +32,13 @@ def inject(
 ) -> None:
     """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file."""
     if show_list:
-        from rcopterx.ground_station.terminal.scenario import fault_list
+        from rcopterx_studies.faults.scenario import fault_list
 
         print_table(("fault", "fields", "effect"), fault_list())
         return
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.terminal.scenario import FaultRefusedError, inject_faults
     from rcopterx.simulator.faults import fault_text
+    from rcopterx_studies.faults.scenario import FaultRefusedError, inject_faults
 
     file, _ = wanted_fleet(fleet)
     if file.simulator is None:
@@ -55,8 +58,8 @@ def _wanted(
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; names of vehicles are replaced by their subjects where needed."""
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.terminal.scenario import fault_from, field_from, read_scenario
     from rcopterx.simulator.faults import TimedFault
+    from rcopterx_studies.faults.scenario import fault_from, field_from, read_scenario
 
     if scenario is not None:
         if fault is not None:

@@ -5,12 +5,6 @@ from pathlib import Path
 import pytest
 
 from rcopterx.fleet.schema import FleetError
-from rcopterx.ground_station.terminal.scenario import (
-    fault_from,
-    fault_list,
-    field_from,
-    read_scenario,
-)
 from rcopterx.simulator.faults import (
     FAULTS,
     AddSubject,
@@ -20,6 +14,12 @@ from rcopterx.simulator.faults import (
     SwapSubjects,
     TimedFault,
     fault_text,
+)
+from rcopterx_studies.faults.scenario import (
+    fault_from,
+    fault_list,
+    field_from,
+    read_scenario,
 )
 
 
