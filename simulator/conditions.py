@@ -6,12 +6,9 @@ from typing import Final
 
 from rcopterx.vehicles.tuples import Four, Three
 
-COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
-IDENTIFIED: Final = ("cf2x_L250", "cf2x_P250", "cf2x_T350", "cf21B_500")
-"""Types that the package `drone-models` has identified."""
-DRONE_MODELS: Final = "drone_models:"
-ATTITUDE_PLANTS: Final = ("first_order", *(DRONE_MODELS + kind for kind in (*IDENTIFIED, "drawn")))
-
+FIRST_ORDER: Final = "first_order"
+COAXIAL_PLANTS: Final = (FIRST_ORDER, "helicopter", "drawn_helicopter")
+ADDED: Final = ":"  # in names of plants that installed packages add, PACKAGE:KIND
 
 _RANGES: Final = {
     "lag_mismatch": (0.0, 0.9), "parameter_mismatch": (0.0, 0.9), "battery_sag": (0.0, 0.9),
@@ -62,15 +59,14 @@ class Conditions:
     walls: bool = False
     """Whether sides and top of the volume are walls and a ceiling: within 0.2 m a wall tilts helicopters
     towards it, within 0.3 m a ceiling lifts."""
-    coaxial_plant: str = "first_order"
+    coaxial_plant: str = FIRST_ORDER
     """Plant of a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter with
     stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
     two ignore `actuator_lag`, `lag_mismatch`, `parameter_mismatch` and `trim_offset`."""
-    attitude_plant: str = "first_order"
-    """Plant of a vehicle with a closed attitude loop, of `ATTITUDE_PLANTS`: equation (1), with its tilt; a
-    Crazyflie that the package `drone-models` identified; or one drawn around these for each vehicle. The
-    latter need the extra `physics`, have the full sticks of the type `crazyflie`, and ignore `actuator_lag`,
-    `lag_mismatch` and `parameter_mismatch`."""
+    attitude_plant: str = FIRST_ORDER
+    """Plant of a vehicle with a closed attitude loop: `first_order` for equation (1), with its tilt, or
+    `PACKAGE:KIND` for one that an installed package adds (docs/crazyflie.md). The latter may ignore
+    `actuator_lag`, `lag_mismatch` and `parameter_mismatch`."""
     downwash_m_s2: float = 0.0
     """Downward acceleration of a vehicle that flies 0.1 to 0.3 m below another; further below it falls with
     1 / distance, and to the sides by e within 0.16 m, more below. Where it grows sidewards it tilts
@@ -92,9 +88,13 @@ class Conditions:
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
             _require_between(name, getattr(self, name), low, high)
-        for name, plants in (("coaxial_plant", COAXIAL_PLANTS), ("attitude_plant", ATTITUDE_PLANTS)):
-            if (plant := getattr(self, name)) not in plants:
-                raise ValueError(f"{name}: unknown plant {plant!r}; allowed: {', '.join(plants)}")
+        if self.coaxial_plant not in COAXIAL_PLANTS:
+            allowed = ", ".join(COAXIAL_PLANTS)
+            raise ValueError(f"coaxial_plant: unknown plant {self.coaxial_plant!r}; allowed: {allowed}")
+        if self.attitude_plant != FIRST_ORDER and ADDED not in self.attitude_plant:
+            raise ValueError(
+                f"attitude_plant: unknown plant {self.attitude_plant!r}; allowed: {FIRST_ORDER}, PACKAGE:KIND"
+            )
         if self.transport_delay_s is not None:
             _require_between("transport_delay_s", self.transport_delay_s, 0.0, 1.0)
         for axis, rms in enumerate(self.turbulence_rms):

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Final
 
-from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.conditions import FIRST_ORDER, Conditions
 from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
-from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, crazyflie_of
-from rcopterx.simulator.plant import STILL, BodyPose, Plant, Wake
+from rcopterx.simulator.plant import STILL, BodyPose, Plant, Wake, added_plant
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Three
@@ -81,13 +80,13 @@ def wake_in_room(position_m: Three, low_m: Three, high_m: Three) -> Wake:
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> Plant:
     """Plant of a vehicle at time 0: equation (1), or what the conditions require for its airframe.
 
-    Raises `ValueError` for a start pose that is not finite or below the floor, and `ModuleNotFoundError` for
-    a Crazyflie without the package `drone-models`.
+    Raises `ValueError` for a start pose that is not finite or below the floor, and for a plant that is not
+    installed.
     """
-    if model.airframe == "coaxial" and conditions.coaxial_plant != "first_order":
+    if model.airframe == "coaxial" and conditions.coaxial_plant != FIRST_ORDER:
         return Helicopter(name, model, conditions, seed, start, helicopter_of(name, conditions, seed))
-    if model.airframe == "attitude" and conditions.attitude_plant != "first_order":
-        return CrazyfliePlant(name, model, conditions, seed, start, crazyflie_of(name, conditions, seed))
+    if model.airframe == "attitude" and conditions.attitude_plant != FIRST_ORDER:
+        return added_plant(conditions.attitude_plant)(name, model, conditions, seed, start)
     return FirstOrderPlant(name, model, conditions, seed, start)
 
 

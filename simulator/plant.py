@@ -3,19 +3,22 @@
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Final
 
 from msgspec import Struct
 
-from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.conditions import ADDED, Conditions
 from rcopterx.simulator.disturbance import RADIO, TURBULENCE, ColouredNoise, random_stream
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Four, Three
 
 CALM: Four = (0.0, 0.0, 0.0, 0.0)
+PLANTS: Final = "rcopterx.plants"
+"""Group of entry points: functions that return a `PlantMaker` for a kind, or raise `ValueError`."""
 _TIME_TOLERANCE_S = 1e-9
 
 
@@ -291,3 +294,19 @@ def four(numbers: Sequence[float] | Array) -> Four:
         raise ValueError(f"{len(numbers)} inputs given, a vehicle has 4: pitch, roll, thrust, yaw")
     pitch, roll, thrust, yaw = map(float, numbers)
     return pitch, roll, thrust, yaw
+
+
+PlantMaker = Callable[[str, Model, Conditions, int, BodyPose], Plant]
+"""Makes the plant of a vehicle by its name, model, conditions, seed and start pose."""
+
+
+def added_plant(name: str) -> PlantMaker:
+    """Return what makes a plant PACKAGE:KIND of an installed package; `ValueError` if there is none."""
+    package, _, kind = name.partition(ADDED)
+    for point in entry_points(group=PLANTS, name=package):
+        found: PlantMaker = point.load()(kind)
+        return found
+    raise ValueError(
+        f"no installed package has the plant {name}; drone_models is part of rcopterx-studies: "
+        "pip install 'rcopterx-studies[physics]'"
+    )

@@ -13,14 +13,13 @@ from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.formation_check import formation_places
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
-from rcopterx.fleet.schema import FleetError, FleetFile, check_known
+from rcopterx.fleet.schema import FleetError, FleetFile, check_known, errors_at
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.radios.crazyradio import RADIO
 from rcopterx.radios.crtp import RadioAddress
-from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.conditions import FIRST_ORDER, PRESETS, Conditions
 from rcopterx.simulator.crazyradio import place_of
-from rcopterx.simulator.identified_crazyflie import missing_library
-from rcopterx.simulator.plant import BodyPose
+from rcopterx.simulator.plant import BodyPose, added_plant
 from rcopterx.simulator.process import run_simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 
@@ -45,8 +44,9 @@ def conditions_of(fleet: FleetFile) -> Conditions:
         volume_max_m=high,
     )
     conditions = replaced(conditions, fleet.simulator.condition_overrides, "simulator.condition_overrides")
-    if (missing := missing_library(conditions)) is not None:
-        raise FleetError(f"simulator.conditions: {conditions.attitude_plant}: {missing}")
+    if conditions.attitude_plant != FIRST_ORDER:
+        with errors_at(f"simulator.conditions: {conditions.attitude_plant}", ValueError):
+            added_plant(conditions.attitude_plant)
     return conditions
 
 

@@ -33,7 +33,7 @@ def test_laboratory_has_the_numbers_that_results_are_stated_for() -> None:
         ("transport_delay_s", math.inf),
         ("turbulence_rms", (0.1, 0.1, -0.1, 0.1)),
         ("coaxial_plant", "airship"),
-        ("attitude_plant", "drone_models:balloon"),
+        ("attitude_plant", "balloon"),
         ("downwash_m_s2", -1.0),
         ("volume_max_m", (1.0, 1.0, -2.0)),
     ],

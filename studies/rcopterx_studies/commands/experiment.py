@@ -9,7 +9,7 @@ import typer
 from rcopterx.commands.identify import ColumnsOption
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
 from rcopterx.commands.parsing import check_known
-from rcopterx.simulator.conditions import PRESETS
+from rcopterx.simulator.conditions import FIRST_ORDER, PRESETS
 from rcopterx_studies.commands.options import (
     ProcessesOption,
     QuickOption,
@@ -132,14 +132,17 @@ def _predict_rest(path: Path, columns: Path, as_json: bool) -> None:
 
 def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
     """Conditions to fly under, which this computer can simulate."""
-    from rcopterx.simulator.identified_crazyflie import missing_library
+    from rcopterx.simulator.plant import added_plant
     from rcopterx_studies.experiments.knowledge import COAXIAL, plant_type
 
     presets = list(row.flights) if conditions is None else [conditions]
     check_known(presets, PRESETS, "preset", "--conditions")
     for preset in presets:
-        if (missing := missing_library(PRESETS[preset])) is not None:
-            raise typer.BadParameter(f"{preset}: {missing}", param_hint="--conditions")
+        if (plant := PRESETS[preset].attitude_plant) != FIRST_ORDER:
+            try:
+                added_plant(plant)
+            except ValueError as error:
+                raise typer.BadParameter(f"{preset}: {error}", param_hint="--conditions") from None
         if row.helicopters_only and plant_type(PRESETS[preset]) is not COAXIAL:
             raise typer.BadParameter(f"{preset}: no helicopters fly there", param_hint="--conditions")
     return presets

@@ -19,19 +19,19 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.identified_crazyflie import (
-    FULL_THRUST_SHARE,
-    FULL_TILT_RAD,
-    FULL_YAW_RATE_RAD_S,
-    IdentifiedCrazyflie,
-    crazyflie_of,
-)
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.experiments.rig import Rig, RigVehicle
+from rcopterx_studies.plants.identified_crazyflie import (
+    FULL_THRUST_SHARE,
+    FULL_TILT_RAD,
+    FULL_YAW_RATE_RAD_S,
+    IdentifiedCrazyflie,
+    crazyflie_of,
+)
 
 COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model

@@ -39,8 +39,8 @@ def test_a_plant_without_its_library_is_refused_with_the_remedy(monkeypatch: pyt
     table = '[simulator]\ncondition_overrides = { attitude_plant = "drone_models:cf2x_L250" }'
     fleet = parse_fleet(PAIR.replace("[simulator]", table))
     assert conditions_of(fleet).attitude_plant == "drone_models:cf2x_L250"
-    monkeypatch.setattr("rcopterx.simulator.identified_crazyflie.find_spec", lambda _: None)
-    with pytest.raises(FleetError, match=r"simulator.conditions: .* pip install 'rcopterx\[physics\]'"):
+    monkeypatch.setattr("rcopterx_studies.plants.identified_crazyflie.find_spec", lambda _: None)
+    with pytest.raises(FleetError, match=r"simulator.conditions: .* 'rcopterx-studies\[physics\]'"):
         conditions_of(fleet)
 
 

@@ -9,15 +9,15 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORATORY
-from rcopterx.simulator.conditions import IDENTIFIED as IDENTIFIED_CRAZYFLIES
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
-from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
 from rcopterx.simulator.plant import CALM, BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 from rcopterx.vehicles.state import YAW_RATE, heading_matrix
 from rcopterx_studies.experiments.knowledge import exact_crazyflie, exact_model, known_model
 from rcopterx_studies.experiments.rig import Rig
 from rcopterx_studies.experiments.schemes import CASCADE
+from rcopterx_studies.plants.identified_crazyflie import IDENTIFIED as IDENTIFIED_CRAZYFLIES
+from rcopterx_studies.plants.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
 
 STEP_S = 0.001
 PERIOD_S = 0.02

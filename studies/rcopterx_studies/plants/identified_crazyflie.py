@@ -19,28 +19,25 @@ import numpy as np
 
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crtp import FULL_THRUST
-from rcopterx.simulator.conditions import DRONE_MODELS, IDENTIFIED, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
-from rcopterx.simulator.plant import CALM, BodyPose, SteppedPlant, four
+from rcopterx.simulator.plant import CALM, BodyPose, PlantMaker, SteppedPlant, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
 if TYPE_CHECKING:
     import casadi
 
+IDENTIFIED: Final = ("cf2x_L250", "cf2x_P250", "cf2x_T350", "cf21B_500")
+"""Types that the package `drone-models` has identified."""
+DRAWN: Final = "drawn"  # the kind of a vehicle drawn around these
 MODEL: Final = "so_rpy_rotor_drag"
 FULL_TILT_RAD: Final = math.radians(CrazyflieSettings().full_tilt_deg)
 FULL_YAW_RATE_RAD_S: Final = math.radians(CrazyflieSettings().full_yaw_rate_deg_s)
 FULL_THRUST_SHARE: Final = 4 * FULL_THRUST / 65535
 """Thrust command at full stick over the largest thrust of one of the four motors."""
 SIZES: Final = {"state": 16, "command": 4, "air": 4, "step_s": 1}  # arguments of a step
-MISSING_LIBRARY: Final = "the library drone-models is not installed: pip install 'rcopterx[physics]'"
-
-
-def missing_library(conditions: Conditions) -> str | None:
-    """Return what is missing to simulate these conditions; None if nothing is."""
-    wanted = conditions.attitude_plant.startswith(DRONE_MODELS)
-    return MISSING_LIBRARY if wanted and find_spec("drone_models") is None else None
+MISSING_LIBRARY: Final = "the library drone-models is not installed: pip install 'rcopterx-studies[physics]'"
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ def crazyflie_of(name: str, conditions: Conditions, seed: int) -> IdentifiedCraz
     tilted by up to 5 degrees. All uniform.
     """
     generator = random_stream(seed, name, PARAMETERS)
-    drone = conditions.attitude_plant.removeprefix(DRONE_MODELS)
+    drone = conditions.attitude_plant.partition(":")[2]
     trim = four(conditions.trim_offset * generator.uniform(-1.0, 1.0, 4))
     if drone in IDENTIFIED:
         return IdentifiedCrazyflie(drone, trim=trim)
@@ -220,3 +217,16 @@ class CrazyfliePlant(SteppedPlant):
     def _fly(self, step_s: float, weather: Four) -> None:
         self._heading_rad += step_s * self._target[3]
         self._state = self._advanced(step_s, weather)
+
+
+def plant_of_kind(kind: str) -> PlantMaker:
+    """Return what makes Crazyflies of an identified type, or drawn ones; `ValueError` without the package."""
+    if kind not in (*IDENTIFIED, DRAWN):
+        raise ValueError(f"unknown kind {kind!r}; allowed: {', '.join((*IDENTIFIED, DRAWN))}")
+    if find_spec("drone_models") is None:
+        raise ValueError(MISSING_LIBRARY)
+
+    def made(name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> CrazyfliePlant:
+        return CrazyfliePlant(name, model, conditions, seed, start, crazyflie_of(name, conditions, seed))
+
+    return made

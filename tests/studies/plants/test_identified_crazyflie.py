@@ -13,13 +13,18 @@ from drone_models.so_rpy_rotor_drag import dynamics
 from scipy.spatial.transform import Rotation
 from support.vehicle_types import CRAZYFLIE
 
-from rcopterx.simulator.conditions import ATTITUDE_PLANTS, CRAZYFLIES, IDEAL, Conditions
-from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
+from rcopterx.simulator.conditions import CRAZYFLIES, IDEAL, Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import BodyPose, PlantFaults
+from rcopterx.simulator.plant import BodyPose, PlantFaults, added_plant
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Four
 from rcopterx_studies.experiments.knowledge import exact_crazyflie
+from rcopterx_studies.plants.identified_crazyflie import (
+    IDENTIFIED,
+    CrazyfliePlant,
+    IdentifiedCrazyflie,
+    crazyflie_of,
+)
 
 PROMPT = replace(IDEAL, transport_delay_s=0.0)
 DRONE = IdentifiedCrazyflie("cf2x_L250")
@@ -84,7 +89,7 @@ def test_it_flies_alike_in_all_directions(yaw_rad: float) -> None:
     assert np.hypot(*turned[:2]) == pytest.approx(np.hypot(*north[:2]))
 
 
-@pytest.mark.parametrize("kind", [plant.partition(":")[2] for plant in ATTITUDE_PLANTS[1:-1]])
+@pytest.mark.parametrize("kind", IDENTIFIED)
 def test_every_identified_vehicle_hovers_at_rest_and_obeys_its_sticks(kind: str) -> None:
     plant = flying(IdentifiedCrazyflie(kind))
     plant.advance(2.0)
@@ -159,3 +164,15 @@ def test_the_laboratory_flies_them_where_the_conditions_say_so() -> None:
     plant = Laboratory({"h1": CRAZYFLIE}, start, CRAZYFLIES, 5).plants["h1"]
     assert isinstance(plant, CrazyfliePlant)
     assert plant.vehicle == crazyflie_of("h1", CRAZYFLIES, 5)
+
+
+@pytest.mark.parametrize(
+    ("plant", "reason"),
+    [
+        ("drone_models:balloon", "unknown kind 'balloon'; allowed: cf2x_L250"),
+        ("balloons:red", "no installed package has the plant balloons:red"),
+    ],
+)
+def test_a_plant_that_is_not_there_is_refused_with_the_reason(plant: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        added_plant(plant)

@@ -1,0 +1,1 @@
+"""Plants of the simulated laboratory that need further libraries."""
