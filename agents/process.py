@@ -2,7 +2,6 @@
 
 import math
 import signal
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
@@ -97,7 +96,6 @@ class Agent:
             self.pacing,
             following.traffic,
             launcher,
-            settings.bus.clock.scaled(time.process_time),
             pilot.events,
         )
         self.handover = Handover(bus, settings, pilot, self.tuning)

@@ -6,7 +6,6 @@ on: until an overload is detected in flight, it starves what has no real-time pr
 """
 
 from collections import Counter, deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,7 +35,6 @@ class LoadRelief:
     pacing: Pacing
     traffic: Traffic
     launcher: Inbox[LauncherStatus]
-    processor_clock: Callable[[], float]
     events: Counter[str]
 
     def __post_init__(self) -> None:
@@ -45,7 +43,6 @@ class LoadRelief:
         self.solve_ms: deque[float] = deque(maxlen=SOLVE_WINDOW)  # durations of the last control steps
         self._planned = self._noted = Relief.NONE
         self._launcher_status: Received[LauncherStatus] | None = None
-        self._used_s, self._since_s = self.processor_clock(), self.bus.clock()
         self._seen = 0, 0
 
     @property
@@ -109,19 +106,11 @@ class LoadRelief:
         # On the floor no planned inputs bridge a period that is left out, and arming needs fresh commands.
         self.pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
-    def report(self, to: Diagnostics, now_s: float) -> None:
+    def report(self, to: Diagnostics, now_s: float) -> None:  # noqa: ARG002 - see `Reports`
         """See `rcopterx.agents.reporting.Reports`."""
         ordered = sorted(self.solve_ms) or [0.0]
         last = len(ordered) - 1
         to.solve_ms_p50, to.solve_ms_p99 = ordered[round(0.5 * last)], ordered[round(0.99 * last)]
         to.solve_ms_max = ordered[-1]
         to.ticks, to.missed_ticks = self.pacing.ticks, self.pacing.missed_ticks
-        to.processor_share = self._processor_share(now_s)
         to.remarks += (self.remark,)
-
-    def _processor_share(self, now_s: float) -> float:
-        """Share of one processor that this process has used since the last call."""
-        used_s = self.processor_clock()
-        share = (used_s - self._used_s) / (now_s - self._since_s) if now_s > self._since_s else 0.0
-        self._used_s, self._since_s = used_s, now_s
-        return max(0.0, share)

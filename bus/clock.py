@@ -60,10 +60,6 @@ class Clock:
         """Return the wall clock [s], in lockstep the time of the fleet."""
         return self.now() if self.lockstep else time()
 
-    def scaled(self, real: Callable[[], float]) -> Callable[[], float]:
-        """Return another clock, for instance of processor time, in seconds of the fleet."""
-        return real if self.speed == 1.0 else lambda: self.speed * real()
-
 
 LOCKSTEP: Final = Clock(SLOWEST, lockstep=True)
 REAL_TIME: Final = Clock()

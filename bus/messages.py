@@ -251,8 +251,6 @@ class Diagnostics(Struct, kw_only=True):
     """Process id."""
     remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
     """Notes for people: what failed, and what replaces it."""
-    processor_share: Seconds = 0.0
-    """Share of one processor that the agent has used since the previous status."""
     model: Parameters = {}
     """Parameters of the model that a request changed; all others are those of the fleet file."""
 

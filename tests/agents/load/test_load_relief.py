@@ -15,7 +15,6 @@ from rcopterx.agents.relief import NEAREST, LoadRelief
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LauncherStatus
-from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.subscription import Inbox
 
 LATE_S = 0.05
@@ -53,14 +52,12 @@ class Scene:
         self.launcher = Inbox(channels.LAUNCHER)
         self.bus, self.pacing = NoteBus(), Pacing(0.02)
         self.traffic = Traffic("h1", None, lambda _: pytest.fail("no vehicle is near"))
-        self.used_s = 0.0
         self.relief = LoadRelief(
             self.bus,  # type: ignore[arg-type]  # what it needs of a bus
             0.02,
             self.pacing,
             self.traffic,
             self.launcher,
-            lambda: self.used_s,
             Counter(),
         )
 
@@ -125,15 +122,6 @@ def test_missed_periods_count_as_late() -> None:
         scene.pacing.missed_ticks += 1
         scene.relief.watch(0.0, flying=True)
     assert scene.bus.notes
-
-
-def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
-    scene = Scene()
-    reported = Diagnostics(controller="lqr", estimator="kalman", horizon=20)
-    for used_s, now_s, share in ((0.3, 12.0, 0.15), (0.8, 13.0, 0.5), (0.8, 13.0, 0.0)):
-        scene.used_s = used_s
-        scene.relief.report(reported, now_s)
-        assert reported.processor_share == pytest.approx(share)
 
 
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
