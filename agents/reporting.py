@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
@@ -205,7 +206,7 @@ class Reporter:
 
 def _report_pilot(pilot: Pilot, to: Diagnostics) -> None:
     """Report a pilot, which knows no messages; what is estimated in flight only is absent on the floor."""
-    to.fallbacks, to.estimator_events = dict(pilot.events), dict(pilot.estimator.events)
+    to.fallbacks = dict(pilot.events + Counter(pilot.estimator.events))
     to.rejected |= pilot.cooperation.rejected
     to.avoiding_ticks, to.closest_plan_m = pilot.avoidance.ticks, pilot.avoidance.closest_m
     to.remarks += pilot.remarks

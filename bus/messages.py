@@ -231,8 +231,7 @@ class Diagnostics(Struct, kw_only=True):
     solve_ms_p99: Seconds = 0.0
     solve_ms_max: Seconds = 0.0
     fallbacks: dict[str, Count] = {}
-    """Steps that were not the optimum and other departures from the plan, by kind."""
-    estimator_events: dict[str, Count] = {}
+    """Steps that were not the optimum, other departures from the plan, events of the estimator; by kind."""
     rejected: dict[str, Count] = {}
     """Rejected messages by topic and reason."""
     avoiding_ticks: Count = 0

@@ -249,12 +249,12 @@ class FlightFigures:
 def _growth(
     figures: Sequence[Diagnostics], counts: Callable[[Diagnostics], Mapping[str, int]]
 ) -> Counter[str]:
-    """Growth of counters during a recording; an agent that was restarted counts from zero."""
+    """Growth of counters during a recording; a restarted agent and a new estimator count from zero."""
     grown: Counter[str] = Counter()
     for before, after in pairwise(figures):
         base = counts(before) if before.process == after.process else {}
-        grown.update({kind: count - base.get(kind, 0) for kind, count in counts(after).items()})
-    return +grown
+        grown += Counter(counts(after)) - Counter(base)
+    return grown
 
 
 def _arrival_of(applied: Applied, arrivals: Sequence[Sequence[float]]) -> float | None:

@@ -51,5 +51,5 @@ def test_agent_flies_on_by_the_default_estimator_when_its_own_raises(
         bench.see()
         bench.command_of(bench.frame)
     diagnostics = bench.status().diagnostics
-    assert diagnostics.estimator_events["estimator_raised"] == 3
+    assert diagnostics.fallbacks["estimator_raised"] == 3
     assert "ZeroDivisionError: no poses" in diagnostics.remarks[0]

@@ -215,6 +215,13 @@ def test_an_agent_that_was_started_again_counts_from_zero() -> None:
     assert table["fallbacks"] == {"hover": 2}
 
 
+def test_events_of_an_estimator_count_on_when_another_one_replaces_it() -> None:
+    flight = Flight()
+    for ticks, raised in enumerate(({}, {"estimator_raised": 3}, {}, {"estimator_raised": 1})):
+        flight.status("h1", ticks, fallbacks=raised)
+    assert flight.figures("h1").vehicle("h1")["fallbacks"] == {"estimator_raised": 4}
+
+
 def test_a_vehicle_that_said_nothing_has_no_ticks() -> None:
     table = Flight().figures("h1").vehicle("h1")
     assert (table["ticks"], table["missed_ticks"], table["fallbacks"], table["solve_ms"]) == (0, 0, {}, None)
