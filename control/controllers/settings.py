@@ -4,9 +4,8 @@ A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a
 through `rcopterx.control.plugins`, which names the field and what is allowed when something is wrong.
 """
 
-from collections.abc import Callable, Iterable
-from importlib.metadata import entry_points
-from typing import Annotated, Final, NamedTuple
+from collections.abc import Iterable
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -25,8 +24,6 @@ FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
 EightWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=8, max_length=8)]
 
-SOLVERS: Final = "rcopterx.solvers"  # group of entry points by which packages add solvers
-RICCATI: Final = "riccati"
 INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
 
@@ -79,24 +76,20 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
     """Settings of controllers that solve optimal control problems."""
 
-    solver: str = RICCATI
-    """Solver of the optimal control problems: `riccati`, or one of an installed package, such as `osqp`."""
+    solver: Literal["riccati", "osqp"] = "riccati"
+    """Solver of the optimal control problems."""
     max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
     """Interior-point iterations of `riccati` in each problem before its best plan is used."""
     time_limit_s: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.012
-    """Longest time of other solvers for each problem; `riccati` ends with the time of the control step."""
+    """Longest time of `osqp` for each problem; `riccati` ends with the time of the control step."""
 
     def new_solver(self) -> Solver:
-        """Return a new solver; `SettingsError` if there is none of this name."""
-        if self.solver == RICCATI:
+        """Return a new solver."""
+        if self.solver == "riccati":
             return RiccatiSolver(self.max_iterations)
-        for point in entry_points(group=SOLVERS, name=self.solver):
-            solver: Callable[..., Solver] = point.load()
-            return solver(time_limit_s=self.time_limit_s)
-        raise SettingsError(
-            f"no solver is called {self.solver!r}; osqp is part of rcopterx-studies: "
-            "pip install rcopterx-studies"
-        )
+        from rcopterx.control.solver.osqp import OsqpSolver  # needs a library that the default does not load
+
+        return OsqpSolver(time_limit_s=self.time_limit_s)
 
 
 def _check_intervals(kind: str, names: Iterable[str], lower: Iterable[float], upper: Iterable[float]) -> None:

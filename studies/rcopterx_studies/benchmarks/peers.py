@@ -10,9 +10,9 @@ from scipy import sparse
 
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import rated
+from rcopterx.control.solver.osqp import SparseQP
 from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.baselines.osqp import SparseQP
 
 TOLERANCE: Final = 1e-6  # looser ones leave inputs a hundredth of their range from the solution
 EXACT: Final = 1e-9

@@ -21,11 +21,11 @@ import numpy as np
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.interfaces import Controller
+from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution, Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
-from rcopterx_studies.baselines.osqp import OsqpSolver
 from rcopterx_studies.baselines.paper import PaperController, PaperSettings
 from rcopterx_studies.benchmarks.flight import Moment, record_flight
 from rcopterx_studies.benchmarks.hpipm import Hpipm

@@ -8,11 +8,10 @@ from problems import one_stage_on, random_problem
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.plugins import SettingsError
+from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model
-from rcopterx_studies.baselines.osqp import OsqpSolver
 from rcopterx_studies.baselines.paper import PaperController, PaperSettings
 from rcopterx_studies.benchmarks.flight import record_flight
 
@@ -72,11 +71,6 @@ def test_the_settings_of_every_mpc_controller_name_the_solver(
         steps.append(controller.step(moment.estimate, moment.reference(PERIOD_S, 50), moment.last_input))
     assert steps[0].inputs[0] == pytest.approx(steps[1].inputs[0], abs=0.02)
     assert steps[0].iterations > steps[1].iterations
-
-
-def test_a_solver_that_is_not_installed_is_refused_with_the_package_of_osqp() -> None:
-    with pytest.raises(SettingsError, match="'simplex'; osqp is part of rcopterx-studies: pip install"):
-        CascadeController(COAXIAL, PERIOD_S, CascadeSettings(solver="simplex"))
 
 
 def test_it_starts_warm_and_takes_problems_of_other_shapes() -> None:

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from problems import any_problem, one_stage_on, random_problem
 from support.records import replace
 
+from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solution
 from rcopterx.control.solver.riccati import RiccatiSolver
-from rcopterx_studies.baselines.osqp import OsqpSolver
 
 seeds = st.integers(0, 10_000)
 
