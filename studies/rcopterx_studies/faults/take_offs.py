@@ -3,6 +3,7 @@
 from contextlib import ExitStack
 from typing import Final
 
+from rcopterx.agents.flight.lift_off import FAILED_S
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import StoppedError
@@ -11,7 +12,7 @@ from rcopterx_studies.faults.promise import OFF
 
 HEIGHT_M: Final = 1.0
 NOTICED_S: Final = 1.5  # from a fault on the floor until `check` shows it
-OVER_S: Final = 8.0  # by then a take-off has ended, in the air or on the floor
+OVER_S: Final = FAILED_S + 2.0  # by then a take-off has ended, in the air or on the floor
 AFTERWARDS_S: Final = 1.0
 RESTED_S: Final = 1.5  # after a fault, until a pose that jumped back counts as at rest and is reported so
 FIT_S: Final = 15.0  # receivers search for a module that was away
