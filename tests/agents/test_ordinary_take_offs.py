@@ -27,7 +27,7 @@ LATER_S = 1.0
 BEFORE_S = {"coaxial": 2.27, "crazyflie": 2.55, "betaflight": 2.42, "mavlink_quadrotor": 2.28}
 """Mean time to `RISEN_M` by an open-loop ramp of the thrust, over the first 60 of these take-offs."""
 HOP_M = 0.02
-HEAVY = 1.22
+HEAVY = 1.2
 ALARMS = ("entered LAND", "entered DESCEND", "entered CUT", "entered DISARMED")
 
 

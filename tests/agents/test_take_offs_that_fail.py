@@ -6,6 +6,7 @@ import pytest
 from msgspec import structs
 from support.take_offs import TakeOffs, View
 
+from rcopterx.agents.flight.lift_off import FAILED_S
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import State
 
@@ -72,7 +73,7 @@ def test_a_vehicle_whose_subject_is_a_body_that_stands_rises_little_and_is_stopp
     assert stands is not None
     bench.views["h1"] = another_body(stands)
     bench.take_off("h1")
-    bench.run(8.0)
+    bench.run(FAILED_S + 2.0)
     assert bench.highest_m["h1"] < HIGHEST_M
     assert bench.hardest_m_s["h1"] < HARDEST_M_S
     assert bench.arbiters["h1"].state is State.CUT
@@ -117,7 +118,7 @@ def test_a_body_that_stands_in_the_place_of_a_vehicle_that_has_just_lifted_bring
         bench.take_off("h1")
         bench.run(begins_s)
         bench.views["h1"] = another_body(stands)
-        bench.run(7.0)
+        bench.run(FAILED_S + 2.0)
         assert bench.highest_m["h1"] < FROM_STANDING_M
         assert bench.hardest_m_s["h1"] < FROM_STANDING_M_S
         assert bench.arbiters["h1"].state is State.CUT
