@@ -152,6 +152,7 @@ def intent_of(
         estimator=flown.estimator,
         estimator_settings=flown.estimator_settings,
         model=flown.model,
+        learned=flown.learned,
         previous=None if previous is None else previous.message,
         path_requested=isinstance(path, set_points.PathReference),
     )

@@ -12,6 +12,7 @@ from rcopterx.bus.message import (
     Name,
     Number,
     Parameters,
+    Parts,
     Place,
     Seconds,
     Settings,
@@ -40,6 +41,8 @@ class FlownBy(Struct, frozen=True, kw_only=True):
     estimator_settings: Settings = {}
     model: Parameters = {}
     """Parameters of the model that a request changed."""
+    learned: Parts = ()
+    """Parts of the model that were learned in ordinary flight."""
 
 
 class Intent(Message, frozen=True, kw_only=True):
@@ -76,6 +79,8 @@ class Intent(Message, frozen=True, kw_only=True):
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
     model: Parameters = {}  # noqa: RUF012 - msgspec copies it
     """Parameters of the model that a request changed."""
+    learned: Parts = ()
+    """Parts of the model that were learned in ordinary flight."""
     interrupted: Name | None = None
     """Phase that continues once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None

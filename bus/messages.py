@@ -20,6 +20,7 @@ from rcopterx.bus.message import (
     Name,
     Number,
     Parameters,
+    Parts,
     Period,
     Place,
     Seconds,
@@ -252,6 +253,10 @@ class Diagnostics(Struct, kw_only=True):
     """Notes for people: what failed, and what replaces it."""
     model: Parameters = {}
     """Parameters of the model that a request changed; all others are those of the fleet file."""
+    learned: Parts = ()
+    """Parts of the model that were learned in ordinary flight."""
+    learned_age_s: Seconds | None = None
+    """Since when the vehicle flies with what it has learned; absent if that is nothing."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

@@ -10,7 +10,7 @@ class Duty(Enum):
     RADIO = auto()  # vehicles in the air fall without it: a transmitter gateway
     FLIGHT = auto()  # vehicles in the air need it
     STANDBY = auto()  # a spare process
-    BACKGROUND = auto()  # vehicles in the air do not need it, or not a new one (recorder, simulator)
+    BACKGROUND = auto()  # vehicles in the air do not need it, or not a new one (recorder, learner, simulator)
 
 
 class Role(NamedTuple):
@@ -33,6 +33,7 @@ TRANSMITTERS: Final = "transmitters"  # transmitter gateways
 TRACKER: Final = "tracker"
 SIMULATOR: Final = "simulator"  # in lockstep it advances the time
 RECORDER: Final = "recorder"  # of the flight log
+LEARNER: Final = "learner"  # of models of vehicles
 ROUTER: Final = "router"
 
 ROLES: Final = {
@@ -41,6 +42,7 @@ ROLES: Final = {
         Role(ROUTER, "host", 5, spare=True, needed_by_all=True),
         # Started before the processes whose first messages it records, stopped after them.
         Role(RECORDER, "host", 4, Duty.BACKGROUND, in_lockstep=True),
+        Role(LEARNER, "host", 0, Duty.BACKGROUND, in_lockstep=True),
         Role(SIMULATOR, "host", 3, Duty.BACKGROUND),
         Role(TRACKER, "host", 2, spare=True, needed_by_all=True, in_lockstep=True),
         Role(

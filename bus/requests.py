@@ -15,6 +15,7 @@ from rcopterx.bus.message import (
     Message,
     Name,
     Parameters,
+    Parts,
     Seconds,
     Settings,
     Text,
@@ -137,6 +138,8 @@ class Tune(Request, frozen=True, kw_only=True):
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
     model: Parameters = {}  # noqa: RUF012 - msgspec copies it
     """Identified parameters of the model; controller and estimator are built for it."""
+    learned: Parts = ()
+    """Parts of the model that were learned in ordinary flight; empty for a model from elsewhere."""
 
 
 class Excite(Request, frozen=True, kw_only=True):

@@ -3,7 +3,6 @@
 import os
 import tempfile
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,7 @@ from rcopterx.fleet.reading import SUFFIX, load_fleet, parse_fleet, shipped_flee
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.radios.calibration import Calibration
-from rcopterx.vehicles.model import FITTED, Model
-
-DIGITS = 4
+from rcopterx.vehicles.model import Model, fitted_parameters
 
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
@@ -26,13 +23,6 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     return _rewrite(
         path, keys, lambda file: msgspec.to_builtins(calibration_of(file, vehicle)), after, inline=True
     )
-
-
-def fitted_parameters(model: Model) -> dict[str, Any]:
-    """Return the fields of a model in `FITTED`, rounded to `DIGITS` significant digits."""
-    # msgspec would leave out defaults of dataclasses that it has converted.
-    plain = asdict(model)
-    return {name: _rounded(plain[name]) for name in FITTED}
 
 
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
@@ -65,14 +55,6 @@ def _rewrite(
         raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
     _replace(path, changed)
     return lines
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _rounded(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(inner) for inner in value]
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def _set_numbers(

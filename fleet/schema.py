@@ -261,6 +261,8 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     """When its battery counts as empty."""
     model: dict[str, Any] = field(default_factory=dict)
     """Parameters of the model that differ from those of the type."""
+    learning: bool = True
+    """Whether it may fly with a model that it learns in ordinary flight, unless `model` is identified."""
 
 
 class AvoidanceConfig(Table, frozen=True, kw_only=True):
@@ -337,6 +339,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """The flight log."""
     watchdog: WatchdogConfig = field(default_factory=WatchdogConfig)
     """For how long processes may make no progress."""
+    learning: bool | None = None
+    """Whether vehicles learn their models in ordinary flight; by default they do, but not in lockstep."""
     types: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Vehicle types of this fleet by name; see [vehicle_types.md](vehicle_types.md)."""
     vehicles: dict[Name, VehicleConfig]

@@ -22,6 +22,14 @@ def model_of(fleet: FleetFile, name: str) -> Model:
     return model.within((low_x, low_y, min(low_z, 0.0)), high)
 
 
+def learning_models(fleet: FleetFile) -> dict[str, Model]:
+    """Return the models of the vehicles that learn: those that nobody has identified, unless forbidden."""
+    wanted = not fleet.clock.lockstep if fleet.learning is None else fleet.learning
+    names = [name for name, vehicle in fleet.vehicles.items() if wanted and vehicle.learning]
+    models = {name: model_of(fleet, name) for name in names}
+    return {name: one for name, one in models.items() if not one.uncertainty.axes[0].identified}
+
+
 def _with_full_sticks(fleet: FleetFile, name: str) -> Model:
     """Return the model of a vehicle's type with the gains that follow from settings of the radio."""
     own, transmitter = type_of(fleet, name), fleet.vehicles[name].transmitter

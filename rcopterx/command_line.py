@@ -28,8 +28,8 @@ COMMANDS: Final = {
     "Prepare radios": ("radio.bind", "radio.range_check", "radio.calibrate", "radio.udev_rules"),
     "Extend": ("new_plugin.new_plugin",),
     "Run one process": (
-        "roles.router", "roles.recorder", "roles.simulator", "roles.tracker", "roles.transmitters",
-        "roles.agent",
+        "roles.router", "roles.recorder", "roles.learner", "roles.simulator", "roles.tracker",
+        "roles.transmitters", "roles.agent",
     ),
 }  # fmt: skip
 """Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""

@@ -307,6 +307,23 @@ FITTED: Final = (
 )
 """Parameters that an identification finds."""
 
+DIGITS: Final = 4  # significant ones of identified parameters, as they are written and sent
+
+
+def fitted_parameters(model: Model) -> dict[str, Any]:
+    """Return the fields of a model in `FITTED`, rounded to `DIGITS` significant digits."""
+    # msgspec would leave out defaults of dataclasses that it has converted.
+    plain = asdict(model)
+    return {name: _rounded(plain[name]) for name in FITTED}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
 
 def with_parameters(model: Model, parameters: Mapping[str, Any]) -> Model:
     """Return a model with identified parameters; tables of `tilt` and `uncertainty` may be incomplete.

@@ -204,6 +204,7 @@ class RequestHandler:
             request.estimator,
             request.estimator_settings,
             request.model,
+            request.learned,
         )
         refusal = None
         if self.tuning.busy:

@@ -41,6 +41,7 @@ class Tuning:
         self.previous: Configuration | None = None  # configuration before the last change, if any
         self.remark = ""  # why another configuration flies than the chosen one, after deaths of the process
         self._restored: Configuration | None = None
+        self._learned_s = 0.0  # when what the vehicle has learned was first used
         self._pilot = pilot
         self._model = pilot.model  # of the fleet file
         self._period_s = period_s
@@ -88,6 +89,8 @@ class Tuning:
             effort_factor=max(self.configuration.effort_factors),
             remarks=(self.remark,),
             model=flown.model,
+            learned=flown.learned,
+            learned_age_s=self._pilot.clock.time_s - self._learned_s if flown.learned else None,
         )
 
     def note_replaced(self) -> bool:
@@ -162,6 +165,8 @@ class Tuning:
             self._pilot.use_estimator(result.estimator)
         if not restored:
             self.previous, self.remark = self.configuration, ""
+        if result.configuration.model != self.configuration.model:
+            self._learned_s = self._pilot.clock.time_s
         self.configuration = result.configuration
         now = result.configuration
         horizon, frame = self._pilot.controller.horizon, self._pilot.clock.current_frame

@@ -42,6 +42,8 @@ class Configuration:
     """Name and settings of the estimator."""
     model: Mapping[str, object] = field(default_factory=dict)
     """Parameters of the model that were identified in flight; all others are those of the fleet file."""
+    learned: tuple[str, ...] = ()
+    """Parts of the model that were learned in ordinary flight."""
 
     def __post_init__(self) -> None:
         # Rows of numbers are lists in a fleet file and tuples in a message; here they are tuples.
@@ -53,7 +55,9 @@ class Configuration:
     @classmethod
     def reported(cls, by: Diagnostics | Intent | FlownBy) -> "Configuration":
         """The configuration that an agent reports in its status or its intent."""
-        return cls(by.controller, by.estimator, by.controller_settings, by.estimator_settings, by.model)
+        return cls(
+            by.controller, by.estimator, by.controller_settings, by.estimator_settings, by.model, by.learned
+        )
 
     @cached_property
     def effort_factors(self) -> tuple[float, ...]:
@@ -70,6 +74,7 @@ class Configuration:
             estimator=self.estimator,
             estimator_settings=msgspec.convert(self.estimator_settings, dict[str, Setting]),
             model=msgspec.convert(self.model, Parameters),
+            learned=self.learned,
         )
 
     def changed(
@@ -79,8 +84,12 @@ class Configuration:
         estimator: str | None,
         estimator_settings: Mapping[str, object],
         model: Mapping[str, object] | None = None,
+        learned: tuple[str, ...] = (),
     ) -> "Configuration":
-        """The configuration with added settings and parameters; other parts keep only the horizon."""
+        """The configuration with added settings and parameters; other parts keep only the horizon.
+
+        `learned`: parts of the model that ordinary flight has shown.
+        """
         kept = dict(self.controller_settings)
         if controller not in (None, self.controller):
             kept = {name: value for name, value in kept.items() if name == "horizon"}
@@ -92,6 +101,7 @@ class Configuration:
             estimator=estimator or self.estimator,
             estimator_settings={**kept_by_estimator, **estimator_settings},
             model={**self.model, **(model or {})},
+            learned=learned if model else self.learned,
         )
 
     def with_default_controller(self) -> "Configuration":

@@ -66,13 +66,16 @@ _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
-LEAST_CERTAIN: Final = 0.15  # largest relative deviation of gains and frequency of a usable excitation
-_WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
+WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
 _GAINS: Final = ((PITCH_GAIN.name, ROLL_GAIN.name), (THRUST_GAIN.name,), (YAW_RATE_GAIN.name,))
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
-_MEASURED: Final = _ESSENTIAL | {YAW_RATE_GAIN.name}
+# Largest relative deviations of a usable excitation: it shows more than was known before.
+_CERTAIN: Final = {
+    parameter.name: 0.5 * parameter.spread
+    for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY, YAW_RATE_GAIN)
+}
 
 Flights = Sequence[FlightRecording]
 MotionOf = Callable[[Candidate, FlightRecording], Motion]
@@ -161,6 +164,12 @@ def _error(candidate: Candidate, motion_of: MotionOf, flights: Flights) -> float
         [each.errors_ahead(round(AHEAD_S / each.period_s))[each.settled :] for each in motions]
     )
     return float(np.sqrt(np.mean(np.abs(errors) ** 2) / (2.0 if motion_of is horizontal else 1.0)))
+
+
+def errors_ahead(model: Model, flight: FlightRecording) -> dict[str, float]:
+    """Return the errors of a model's predictions one second ahead by part, as of `FittedPart`."""
+    motions = zip(PARTS, (horizontal, vertical, heading), strict=True)
+    return {part: _error(Candidate(model), motion, [flight]) for part, motion in motions}
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
@@ -345,14 +354,15 @@ def _within(part: FittedPart, model: Model) -> FittedPart:
 def _too_little(numbers: Sequence[FittedParameter]) -> list[str]:
     return [
         f"too little excitation: {number.name} is known to within "
-        f"{100 * number.deviation / number.value:.0f} % only, at most {100 * LEAST_CERTAIN:.0f} % is needed"
+        f"{100 * number.deviation / number.value:.0f} % only, at most "
+        f"{100 * _CERTAIN[number.name]:.0f} % is needed"
         for number in numbers
-        if number.name in _MEASURED and number.deviation > LEAST_CERTAIN * abs(number.value)
+        if number.name in _CERTAIN and number.deviation > _CERTAIN[number.name] * abs(number.value)
     ]
 
 
 def _worse(name: str, before: float, after: float) -> list[str]:
-    if after <= _WORSE * before:
+    if after <= WORSE * before:
         return []
     unit, old, new = "mrad" if name == HEADING else "mm", 1e3 * before, 1e3 * after
     return [

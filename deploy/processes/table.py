@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.processes import AGENT, RECORDER, ROLES, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
+from rcopterx.bus.processes import AGENT, LEARNER, RECORDER, ROLES, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
 from rcopterx.fleet.schema import FleetFile, check_known
 
 EXIT_ELSEWHERE: Final = 4  # of an agent whose vehicle another one flies, and which is not restarted
@@ -37,11 +37,14 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """Return the processes of a host in starting order; `FleetError` for an unknown host."""
     check_known("hosts", "host", host, fleet.hosts)
     # Routers import this module and start without the limits of vehicles.
-    from rcopterx.fleet.vehicle_models import longest_shutdown_s
+    from rcopterx.fleet.vehicle_models import learning_models, longest_shutdown_s
 
     specs = [ProcessSpec(ROUTER, ROUTER, host)]
     if host == (fleet.log.host or next(iter(fleet.hosts))):
         specs.append(ProcessSpec(RECORDER, RECORDER, host))
+        # It sends requests of an operator.
+        if fleet.hosts[host].steering and learning_models(fleet):
+            specs.append(ProcessSpec(LEARNER, LEARNER, host))
     if fleet.simulator is not None and fleet.simulator.host == host:
         specs.append(ProcessSpec(SIMULATOR, SIMULATOR, host))
     if fleet.tracker.host == host:

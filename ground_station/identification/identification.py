@@ -9,12 +9,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import AgentStatus, Applied, Pose, SetPoint
+from rcopterx.bus.messages import AgentStatus, SetPoint
 from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
-from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
+from rcopterx.control.identification.recording import FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.flights.ordinary_flight import recording_of
 from rcopterx.ground_station.identification.spacing import IdentificationError, spread, usual_reach
 from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -158,8 +159,13 @@ def excited_flights(
         try:
             if outcome != DONE:
                 raise IdentificationError(f"ended early: {outcome or 'the agent was replaced'}")
-            recordings[name] = recording_of(recording, name, vehicle.kind, period_s)
-        except IdentificationError as error:
+            recordings[name] = recording_of(
+                [pose for pose, _ in recording.messages(channels.POSE, name)],
+                [one for one, _ in recording.messages(channels.APPLIED, name)],
+                vehicle.kind,
+                period_s,
+            )
+        except (IdentificationError, RecordingError) as error:
             failures[name] = str(error)
     return recordings, failures
 
@@ -187,34 +193,3 @@ def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Pr
     fleet.wait_until(all_begun, BEGIN_LIMIT_S, "the excitation does not begin", names)
     fleet.wait_until(over, duration_s + OVERDUE_S, "the excitation does not end", names)
     return {name: status.excitation for name, status in statuses().items()}
-
-
-def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:
-    """Flight of a vehicle of type `kind` from recorded poses and applied inputs.
-
-    Raises `IdentificationError` for gaps, a restart, an override by the arbiter, or nothing applied.
-    """
-    poses = [pose for pose, _ in recording.messages(channels.POSE, name)]
-    applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]
-    if not poses or not applied:
-        raise IdentificationError("no poses, or no commands, were on the bus")
-    if others := sorted({one.state for one in applied} - {"armed"}):
-        raise IdentificationError(f"the arbiter was {', '.join(others)} meanwhile")
-    if len({pose.epoch for pose in poses}) > 1:
-        raise IdentificationError("the motion capture restarted meanwhile")
-    try:
-        return _log(poses, applied, kind, period_s).recording()
-    except RecordingError as error:
-        raise IdentificationError(str(error)) from None
-
-
-def _log(poses: list[Pose], applied: list[Applied], kind: str, period_s: float) -> FlightLog:
-    log, first = FlightLog(kind, period_s), applied[0].frame
-    frames = max(1, round(period_s / poses[0].period_s))
-    for pose in poses:
-        row, between = divmod(pose.frame - first, frames)
-        if between == 0 and pose.position_m is not None and pose.quaternion_xyzw is not None:
-            log.add_pose(row, Measurement.of_pose(pose.position_m, pose.quaternion_xyzw))
-    for one in applied:
-        log.add_input((one.frame - first) // frames, np.array(one.input))
-    return log

@@ -128,7 +128,9 @@ def learned(state: VehicleState) -> list[str]:
         found.append(f"hovers at {100 * values.hover_thrust:.0f} % of the thrust")
     if values.effort_factor > 1.0:
         found.append(f"oscillated: sticks weigh {values.effort_factor:g} times as much until it is tuned")
-    if values.model:
+    if state.learned:
+        found.append(state.learned)
+    elif values.model:
         found.append(f"flies with an identified model: {', '.join(values.model)}")
     return found
 

@@ -240,6 +240,8 @@ class Observer:
             if (factor := status.diagnostics.effort_factor) > 1.0:
                 lines.append(f"{name} oscillated: effort factor {factor:g} until it is tuned")
             lines += [f"{name}: {remark}" for remark in status.diagnostics.remarks]
+            if learned := self.state_of(name).learned:
+                lines.append(f"{name} {learned}")
         return lines
 
     def crowded_hosts(self) -> list[str]:

@@ -12,6 +12,7 @@ from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
 from rcopterx.vehicles.phases import AIRBORNE
 
+LONG_AGO_S: Final = 120.0  # ages from here on are given in minutes
 STALE_S: Final = 1.0
 """Age from which a status blocks take-off; statuses come five times a second."""
 SILENT_S: Final = 0.5
@@ -116,6 +117,16 @@ class VehicleState:
     def assigned(self) -> tuple[LeaderLink, ...]:
         """Leaders with the offsets it was given, also while an offset is in transition."""
         return () if self.agent is None else self.agent.assigned
+
+    @property
+    def learned(self) -> str:
+        """Which parts of its model it has learned in this flight, and since when it uses them."""
+        values = None if self.agent is None else self.agent.diagnostics
+        if values is None or not values.learned or values.learned_age_s is None:
+            return ""
+        age_s = values.learned_age_s
+        ago = f"{age_s:.0f} s" if age_s < LONG_AGO_S else f"{age_s / 60.0:.0f} min"
+        return f"learned {ago} ago: {', '.join(values.learned)}"
 
     @property
     def remarks(self) -> str:

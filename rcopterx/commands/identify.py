@@ -150,7 +150,8 @@ def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Sa
 
 def _use(name: str, found: "Identification", path: Path | None, running: "Fleet | None", say: Say) -> None:
     """Write the accepted parts of a model into the fleet file, if any, and let the vehicle fly with them."""
-    from rcopterx.fleet.editing import fitted_parameters, write_model
+    from rcopterx.fleet.editing import write_model
+    from rcopterx.vehicles.model import fitted_parameters
 
     for remark in found.remarks:
         say(f"{name}: {remark}")

@@ -28,6 +28,11 @@ def recorder(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     _run("recorder", host, fleet)
 
 
+def learner(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Run the learner: models of vehicles from their ordinary flight."""
+    _run("learner", host, fleet)
+
+
 def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Run the simulated laboratory: Tracker, radio modules and vehicles."""
     _run("simulator", host, fleet)

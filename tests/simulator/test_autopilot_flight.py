@@ -8,7 +8,7 @@ import pytest
 from support.firmware_flight import FirmwareFlight
 
 from rcopterx.control.identification.fit import identify
-from rcopterx.fleet.editing import fitted_parameters
+from rcopterx.vehicles.model import fitted_parameters
 
 FORMER = (
     "{ input_gain = [5.66, 5.66, 19.62, 34.9], damping = [-0.35, -0.35, -0.2, -10.0],"

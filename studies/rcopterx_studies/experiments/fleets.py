@@ -10,8 +10,8 @@ from functools import partial
 from typing import Any, Final
 
 from rcopterx.control.identification.fit import identify
-from rcopterx.fleet.editing import fitted_parameters
 from rcopterx.simulator.conditions import Conditions
+from rcopterx.vehicles.model import fitted_parameters
 from rcopterx_studies.experiments.formation import (
     FOLLOWERS,
     LEADER,

@@ -44,6 +44,7 @@ def test_one_host_runs_everything_in_starting_order() -> None:
     assert [(spec.name, spec.role, spec.unit) for spec in specs] == [
         ("router", "router", "main"),
         ("recorder", "recorder", "main"),
+        ("learner", "learner", "main"),
         ("simulator", "simulator", "main"),
         ("tracker", "tracker", "main"),
         ("transmitters", "transmitters", "transmitters"),
@@ -51,7 +52,30 @@ def test_one_host_runs_everything_in_starting_order() -> None:
         ("agent-h2", "agent", "h2"),
     ]
     stopped = [spec.name for spec in sorted(specs, key=lambda spec: spec.stop_order)]
-    assert stopped == ["agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "recorder", "router"]
+    assert stopped == [
+        "learner", "agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "recorder", "router",
+    ]  # fmt: skip
+
+
+IDENTIFIED = "uncertainty = { gain_factor = [1.3, 1.3, 1.3], delay_s = [0.015, 0.015, 0.015] }"
+
+
+@pytest.mark.parametrize(
+    ("text", "learns"),
+    [
+        (PAIR, True),
+        (HARDWARE_PAIR, True),
+        ("learning = false\n" + PAIR, False),
+        (PAIR + "learning = false\n", True),
+        (PAIR + "[defaults]\nlearning = false\n", False),
+        (PAIR.replace("[simulator]", "[simulator]\nlockstep = true"), False),
+        ("learning = true\n" + PAIR.replace("[simulator]", "[simulator]\nlockstep = true"), True),
+        (PAIR + f"[defaults.model]\n{IDENTIFIED}\n", False),
+        (PAIR + "[hosts.main]\nsteering = false\n", False),
+    ],
+)
+def test_a_learner_runs_where_a_vehicle_learns_and_its_host_may_steer(text: str, learns: bool) -> None:
+    assert ("learner" in names(text, "main")) == learns
 
 
 def test_a_fleet_that_flies_hardware_runs_no_simulator() -> None:
@@ -60,7 +84,7 @@ def test_a_fleet_that_flies_hardware_runs_no_simulator() -> None:
 
 def test_every_process_runs_on_its_host_and_each_host_has_a_router() -> None:
     assert names(TWO_HOSTS, "main") == [
-        "router", "recorder", "simulator", "tracker", "transmitters", "agent-h1",
+        "router", "recorder", "learner", "simulator", "tracker", "transmitters", "agent-h1",
     ]  # fmt: skip
     assert names(TWO_HOSTS, "second") == ["router", "agent-h2"]
 

@@ -39,7 +39,8 @@ def role(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
         (
             "pilot",
             "h1",
-            "role: unknown role 'pilot', known are router, recorder, simulator, tracker, transmitters, agent",
+            "role: unknown role 'pilot', known are router, recorder, learner, simulator, tracker, "
+            "transmitters, agent",
         ),
         ("agent", "h9", "agent: unknown unit 'h9', known are h1, h2"),
         ("router", "roof", "router: unknown unit 'roof', known are main"),

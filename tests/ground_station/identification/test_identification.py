@@ -3,14 +3,13 @@
 import math
 import threading
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 from support.scripted import ScriptedVehicle
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Applied, Pose
+from rcopterx.bus.messages import Pose
 from rcopterx.bus.requests import Excite
 from rcopterx.bus.session import Incoming, RawMessage
 from rcopterx.ground_station.identification.identification import (
@@ -18,76 +17,20 @@ from rcopterx.ground_station.identification.identification import (
     SWING_RAD,
     Wanted,
     excited_flights,
-    recording_of,
     swing_of,
 )
-from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
-ROWS = 40
+
+def pose(frame: int) -> Pose:
+    return Pose(epoch=1, frame=frame, period_s=0.01, latency_s=0.0, received_s=0.0, occluded=False,
+                position_m=(0.0, 0.0, 1.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))  # fmt: skip
 
 
-def pose(frame: int, epoch: int = 1, occluded: bool = False) -> Pose:
-    half_rad = 0.05
-    return Pose(
-        epoch=epoch, frame=frame, period_s=0.01, latency_s=0.0, received_s=0.0, occluded=occluded,
-        position_m=None if occluded else (0.001 * frame, 0.0, 1.0),
-        quaternion_xyzw=None if occluded else (0.0, math.sin(half_rad), 0.0, math.cos(half_rad)),
-    )  # fmt: skip
-
-
-def applied(frame: int, state: str = "armed", fresh: bool = True) -> Applied:
-    return Applied(
-        state=state, input=(0.001 * frame, 0.0, 0.5, 0.0), pulse_width_us=(), epoch=1, frame=frame,
-        sequence=frame, fresh=fresh,
-    )  # fmt: skip
-
-
-def flight(poses: list[Pose], inputs: list[Applied]) -> Recording:
-    pairs = [(channels.POSE.topic, one) for one in poses] + [(channels.APPLIED.topic, one) for one in inputs]
-    return Recording([RawMessage("h1", topic, encode(message), 0.0) for topic, message in pairs])
-
-
-def whole(**options: bool) -> Recording:
-    poses = [pose(frame) for frame in range(100, 100 + 2 * ROWS)]
-    inputs = [applied(frame) for frame in range(100, 100 + 2 * ROWS, 2)]
-    keep_alives = [applied(frame, fresh=False) for frame in range(101, 100 + 2 * ROWS, 2)]
-    return flight(poses, inputs + keep_alives if options.get("keep_alives") else inputs)
-
-
-def test_every_control_period_becomes_a_row_of_its_pose_and_its_sticks() -> None:
-    found = recording_of(whole(), "h1", "coaxial", 0.02)
-    assert found.kind == "coaxial"
-    assert len(found.yaw_rad) == ROWS
-    assert found.position_m[:, 0] == pytest.approx(0.001 * np.arange(100, 100 + 2 * ROWS, 2))
-    assert found.inputs[:, 0] == pytest.approx(found.position_m[:, 0])
-    assert found.tilt is not None
-    assert found.tilt[:, 0] == pytest.approx(math.sin(0.1))
-
-
-def test_repeated_frames_of_the_radio_do_not_count() -> None:
-    found = recording_of(whole(keep_alives=True), "h1", "coaxial", 0.02)
-    assert (found.inputs == recording_of(whole(), "h1", "coaxial", 0.02).inputs).all()
-
-
-def test_an_occluded_pose_is_bridged() -> None:
-    poses = [pose(frame, occluded=frame == 120) for frame in range(100, 180)]
-    found = recording_of(flight(poses, [applied(f) for f in range(100, 180, 2)]), "h1", "coaxial", 0.02)
-    assert found.position_m[10, 0] == pytest.approx(0.12)
-
-
-def test_flights_that_tell_nothing_are_refused() -> None:
-    poses, inputs = [pose(frame) for frame in range(100, 120)], [applied(f) for f in range(100, 120, 2)]
-    with pytest.raises(IdentificationError, match="no poses, or no commands"):
-        recording_of(flight(poses, []), "h1", "coaxial", 0.02)
-    with pytest.raises(IdentificationError, match="poses are missing for"):
-        recording_of(flight(poses[:3] + poses[-3:], inputs), "h1", "coaxial", 0.02)
-    with pytest.raises(IdentificationError, match="the arbiter was hold meanwhile"):
-        recording_of(flight(poses, [*inputs, applied(120, state="hold")]), "h1", "coaxial", 0.02)
-    with pytest.raises(IdentificationError, match="the motion capture restarted"):
-        recording_of(flight([*poses, pose(1, epoch=2)], inputs), "h1", "coaxial", 0.02)
+def flight(poses: list[Pose]) -> Recording:
+    return Recording([RawMessage("h1", channels.POSE.topic, encode(one), 0.0) for one in poses])
 
 
 def swing(size_m: float, size_rad: float, mean_rad: float = 0.0) -> Recording:
@@ -98,11 +41,11 @@ def swing(size_m: float, size_rad: float, mean_rad: float = 0.0) -> Recording:
         half_rad = 0.5 * (mean_rad + size_rad * sine)
         turned = (0.0, 0.0, math.sin(half_rad), math.cos(half_rad))
         poses.append(replace(pose(frame), position_m=(0.0, size_m * sine, 1.0), quaternion_xyzw=turned))
-    return flight(poses, [])
+    return flight(poses)
 
 
 def test_a_vehicle_in_a_limit_cycle_is_not_excited() -> None:
-    assert swing_of(flight([], []), "h1") is None
+    assert swing_of(flight([]), "h1") is None
     assert swing_of(swing(0.025, math.radians(2.3), math.pi), "h1") is None
     for swung in (swing(1.1 * SWING_M, 0.0), swing(0.0, 1.1 * SWING_RAD, math.pi)):
         assert "it does not rest" in (swing_of(swung, "h1") or "")
