@@ -309,7 +309,7 @@ class WatchdogConfig(Table, frozen=True, kw_only=True):
     floor_s: Annotated[float, Meta(ge=0.1, le=60)] = 1.0
     """While no vehicle flies; always for spare processes."""
     start_s: Annotated[float, Meta(ge=5, le=600)] = 30.0
-    """While a process starts or ends; always for the simulator and the recorder."""
+    """While a process starts or ends; always for the simulator, the recorder and the learner."""
 
 
 class FleetFile(Table, frozen=True, kw_only=True):

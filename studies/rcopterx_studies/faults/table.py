@@ -54,7 +54,8 @@ PROCESSES: Final = {
     "router": "router",
     "recorder": "recorder",
 }
-"""Processes by what they are; the simulator stands for the laboratory and gets no faults."""
+"""Processes by what they are. The simulator stands for the laboratory and gets no faults; the learner only
+listens, as the recorder does."""
 PAIR: Final = PromisedLimits(deviation_mm=300.0, silence_ms=1000.0)
 BLIND: Final = PromisedLimits(deviation_mm=1000.0, silence_ms=4000.0)
 """Without poses and commands vehicles are held, and sink meanwhile."""

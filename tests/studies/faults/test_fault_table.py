@@ -89,7 +89,7 @@ def test_every_process_fails_up_to_200_ms_after_every_process_in_chaos_too(kind:
 
 def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
     names = {spec.name for spec in processes_of(FLEET, "main")}
-    assert set(PROCESSES.values()) == names - {"simulator", "agent-h3"}
+    assert set(PROCESSES.values()) == names - {"simulator", "learner", "agent-h3"}
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
