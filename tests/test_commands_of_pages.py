@@ -39,7 +39,6 @@ NOT_OURS = {
     "jupyter",
     "octave-cli",
     "pip",
-    "pkill",
     "sed",
     "sudo",
 }

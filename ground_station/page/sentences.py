@@ -140,5 +140,5 @@ def suggestions(leaders: Sequence[str], followers: Sequence[str]) -> str:
     ideas = [f"drag the handle of {leaders[0]}"]
     if followers:
         ideas.append(f"choose another leader for {followers[-1]}")
-    ideas.append(f'kill an agent by pkill -9 -xf "rcopterx agent {leaders[0]}"')
+    ideas.append(f"kill an agent by rcopterx inject kill_agent {leaders[0]}")
     return f"In flight: {', '.join(ideas[:-1])}, or {ideas[-1]}"

@@ -45,10 +45,6 @@ NOT_TYPED = {
         DAEMON,
         "tests/examples/test_compose_example.py",
     ),
-    'pkill -9 -xf "rcopterx agent h2"': (
-        "would end what others fly here",
-        "tests/integration/shared_fleet/test_agent_deaths.py",
-    ),
     "jupyter lab examples/lab_class/exercise_sheet.ipynb": (
         "wants a browser and a student",
         "tests/examples/test_exercise_sheet.py",

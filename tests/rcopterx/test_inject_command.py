@@ -143,3 +143,21 @@ def test_all_faults_are_listed_without_a_fleet() -> None:
     assert result.exit_code == 0
     assert "swap_subjects" in result.output
     assert "Take two subjects for one another." in result.output
+
+
+def test_an_agent_that_does_not_run_here_cannot_be_killed(up: str) -> None:
+    result = run("inject", "kill_agent", "h1", "-f", up)
+    assert result.exit_code == 2
+    assert "no agent of h1 runs on this computer" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [(("kill_agent",), "a vehicle is missing"), (("kill_agent", "h9"), "unknown vehicle 'h9'")],
+)
+def test_only_agents_of_vehicles_of_the_fleet_can_be_killed(
+    words: tuple[str, ...], reason: str, up: str
+) -> None:
+    result = run("inject", *words, "-f", up)
+    assert result.exit_code == 2
+    assert reason in result.stderr

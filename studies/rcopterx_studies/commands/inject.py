@@ -2,19 +2,22 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
 from rcopterx.commands.output import print_table
+from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.simulator.faults import TimedFault
 
 app = typer.Typer(add_completion=False)
+
+KILL_AGENT: Final = "kill_agent"
 
 
 @app.command(rich_help_panel="Try out faults")
@@ -30,11 +33,15 @@ def inject(
     show_list: Annotated[bool, Option("--list", help="List all faults and their fields.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file."""
+    """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file.
+
+    `kill_agent VEHICLE` ends an agent of this fleet on this computer.
+    """
     if show_list:
         from rcopterx_studies.faults.scenario import fault_list
 
-        print_table(("fault", "fields", "effect"), fault_list())
+        agent = (KILL_AGENT, "VEHICLE", "Its agent ends as in a crash.")
+        print_table(("fault", "fields", "effect"), [agent, *fault_list()])
         return
     from rcopterx.fleet.schema import FleetError
     from rcopterx.simulator.faults import fault_text
@@ -43,6 +50,9 @@ def inject(
     file, _ = wanted_fleet(fleet)
     if file.simulator is None:
         raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
+    if fault == KILL_AGENT:
+        _kill_agents(file, fields or [])
+        return
     lines = _wanted(file, fault, fields or [], scenario)
     with running_fleet(fleet) as running:
         try:
@@ -74,3 +84,14 @@ def _wanted(
         if isinstance(named, str) and named in file.vehicles and named not in subjects:
             values[name] = file.vehicles[named].subject
     return (TimedFault(0.0, fault_from(fault, values)),)
+
+
+def _kill_agents(file: "FleetFile", vehicles: Sequence[str]) -> None:
+    """End the agents of vehicles."""
+    from rcopterx_studies.faults.agent_process import kill_agent
+
+    if not vehicles:
+        raise typer.BadParameter("a vehicle is missing: kill_agent VEHICLE", param_hint="FIELD=VALUE")
+    check_known(vehicles, file.vehicles, "vehicle", "VEHICLE")
+    for vehicle in vehicles:
+        typer.echo(f"agent of {vehicle}: process {kill_agent(file, vehicle)} killed")

@@ -1,12 +1,7 @@
 """Vehicles whose agents are killed or hang fly on, or land gently where they were."""
 
 import math
-import os
-import re
-import signal
-import subprocess
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 from integration_support import (
@@ -23,9 +18,9 @@ from integration_support import (
     wait_for_successor,
 )
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+from rcopterx_studies.faults.agent_process import kill_agent
 
-ROOT = Path(__file__).parents[3]
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 
 def offset_m(flying: Flying, name: str) -> tuple[float, float, float] | None:
@@ -63,23 +58,20 @@ def test_follower_keeps_its_task_when_its_agent_is_killed(flying: Flying, truth:
     fleet["h2"].follow("h1", file_offset_m)
 
 
-def test_agent_goes_by_its_name_and_so_does_the_spare_that_takes_over(flying: Flying, truth: Truth) -> None:
-    example = re.search(r'^pkill -9 -xf "(.+)"$', (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
-    assert example is not None
+def test_an_agent_that_a_user_kills_by_its_vehicle_has_a_successor_that_can_be_killed_so_too(
+    flying: Flying, truth: Truth
+) -> None:
     flying.wait_for_spare("agent-h2")
     pid = flying.pid("agent-h2")
-    assert pid in pids_named(example[1])
-    os.kill(pid, signal.SIGKILL)
+    assert kill_agent(flying.fleet.file, "h2") == pid
     wait_for_successor(flying, "h2", pid)
-    flying.fleet.wait_until(lambda: flying.pid("agent-h2") in pids_named(example[1]), 30, "no name")
+    flying.wait_for_spare("agent-h2")
+    successor = flying.pid("agent-h2")
+    flying.fleet.wait_for_formation()
+    assert kill_agent(flying.fleet.file, "h2") == successor
+    wait_for_successor(flying, "h2", successor)
     flying.fleet.wait_for_formation()
     truth.assert_none_touched_down()
-
-
-def pids_named(title: str) -> set[int]:
-    """Processes that go by exactly this name, of any fleet on this computer."""
-    done = subprocess.run(["pgrep", "-xf", title], capture_output=True, text=True, timeout=10)
-    return {int(line) for line in done.stdout.split()}
 
 
 @pytest.mark.lockstep
