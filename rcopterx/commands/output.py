@@ -117,10 +117,15 @@ class Progress:
 
 
 def write_plot(draw: Callable[[Any], None], path: Path | None) -> None:
-    """Draw a figure into a file, if one is named."""
+    """Draw a figure into a file, if one is named, whose ending chooses the format (png, svg, pdf)."""
     if path is None:
         return
-    from rcopterx.ground_station.report.drawing import save_figure
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    save_figure(draw, path)
+    # Fixed identifiers keep a figure under version control the same as long as its data are.
+    mpl.rcParams["svg.hashsalt"] = "rcopterx"
+    figure = Figure()
+    draw(figure)
+    figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
     typer.echo(f"figure: {path}", err=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.ground_station.report.drawing import save_figure
+from rcopterx.commands.output import write_plot
 from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 from rcopterx_studies.experiments import family
 from rcopterx_studies.experiments.family import (
@@ -80,7 +80,7 @@ def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_pat
         for table in levels.values():
             assert table["hover_mm"]["worst"] == 102.0
     assert len(set(labels)) == 3 * 6
-    save_figure(partial(family.draw_family, result), tmp_path / "family.svg")
+    write_plot(partial(family.draw_family, result), tmp_path / "family.svg")
     assert (tmp_path / "family.svg").stat().st_size > 10_000
 
 

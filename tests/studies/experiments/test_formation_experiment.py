@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG
 
-from rcopterx.ground_station.report.drawing import save_figure
+from rcopterx.commands.output import write_plot
 from rcopterx.simulator.conditions import IDEAL, LABORATORY
 from rcopterx_studies.experiments.events import FollowEvent, GoToEvent
 from rcopterx_studies.experiments.formation import (
@@ -88,7 +88,7 @@ def test_figures_are_those_of_all_flights_and_of_each_seed() -> None:
 def test_flights_are_drawn(tmp_path: Path) -> None:
     schemes = {key: {0: flown([0.001])} for key in ("paper", "cascade")}
     result = FlightResult(Options((0,)), schemes, {})
-    save_figure(partial(draw_formation, result), tmp_path / "figure.png")
+    write_plot(partial(draw_formation, result), tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 

@@ -14,9 +14,9 @@ from support.vehicle_types import CRAZYFLIE
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
+from rcopterx.commands.output import write_plot
 from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.ground_station.report.drawing import save_figure
 from rcopterx_studies.experiments.real_flights import (
     AHEAD_S,
     CONSTANT,
@@ -74,7 +74,7 @@ def test_every_flight_is_predicted_by_a_fit_to_the_others(
     assert errors[FITTED] < errors[TYPE]
     assert errors[FITTED] < errors[CONSTANT]
     assert json.loads(json.dumps(document)) == document
-    save_figure(evidence.draw, tmp_path / "errors.svg")
+    write_plot(evidence.draw, tmp_path / "errors.svg")
     assert all(name in (tmp_path / "errors.svg").read_text() for name in (TYPE, FITTED))
 
 
