@@ -325,7 +325,6 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     """Time since the newest accepted command arrived; absent before the first."""
     pose_age_s: Seconds | None = None
     """Time since the newest pose of the vehicle arrived, seen or occluded; absent before the first."""
-    last_sequence: Count = 0
     bridging: bool = False
     counters: dict[str, Count] = field(default_factory=dict)
     rejected: dict[str, Count] = field(default_factory=dict)

@@ -153,7 +153,6 @@ class TransmitterNode:
                 lease=arbiter.leases.commanding,
                 command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
                 pose_age_s=None if track is None else max(0.0, now_s - track.arrived_s),
-                last_sequence=0 if accepted is None else accepted.message.sequence,
                 bridging=transmitter.output.bridging_step > 0,
                 counters=transmitter.counters(),
                 rejected=rejected,

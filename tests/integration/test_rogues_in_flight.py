@@ -180,7 +180,7 @@ def test_the_agent_of_one_vehicle_can_neither_fly_nor_see_nor_kill_nor_answer_fo
     assert report["said_hz"] > 10
     assert report["asked"] == 0
     assert all(received.message.frame < ghost.frame for received in frames.drain())
-    assert laboratory.newest(channels.TRANSMITTER_STATUS, "h2").last_sequence < fall.sequence
+    assert laboratory.newest(channels.APPLIED, "h2").sequence < fall.sequence
     laboratory.assert_flies_on(now_s)
 
 
