@@ -117,11 +117,6 @@ class PacketReader:
         self._max_body_bytes = max_body_bytes
         self._buffer = bytearray()
 
-    @property
-    def buffered_bytes(self) -> int:
-        """Bytes of packets not handed out yet."""
-        return len(self._buffer)
-
     def feed(self, data: bytes) -> None:
         """Append received bytes."""
         self._buffer += data
