@@ -26,7 +26,6 @@ COMMANDS: Final = {
     "Prepare hosts": ("hosts.deploy", "hosts.certs", "hosts.doctor"),
     "Prepare vehicles": ("vehicles.types", "identify.identify", "vehicles.margins"),
     "Prepare radios": ("radio.bind", "radio.range_check", "radio.calibrate", "radio.udev_rules"),
-    "Extend": ("new_plugin.new_plugin",),
     "Run one process": (
         "roles.router", "roles.recorder", "roles.learner", "roles.simulator", "roles.tracker",
         "roles.transmitters", "roles.agent",

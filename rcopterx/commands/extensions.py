@@ -1,8 +1,8 @@
 """Commands that installed packages add, by the entry-point group `rcopterx.commands`.
 
-An entry point names a `typer.Typer` of one command or of a group. Those named `flights`, `fly` and `identify`
-are modules instead, with what `flights --check`, `flights --digest`, `fly --faults`, `fly chaos`,
-`identify --from FILE.csv` and `replay --agent` do.
+An entry point names a `typer.Typer` of one command or of a group. Those named `flights` and `identify` are
+modules instead, with what `flights --check`, `flights --digest`, `identify --from FILE.csv` and
+`replay --agent` do.
 """
 
 from importlib.metadata import EntryPoint, entry_points
@@ -14,7 +14,10 @@ from typer.core import TyperCommand
 from rcopterx.commands.fleet_option import EXIT_USAGE, failure
 
 GROUP: Final = "rcopterx.commands"
-STUDIES: Final = ("amplification", "arena", "bench", "experiment", "inject", "replay-tracker")
+STUDIES: Final = (
+    "amplification", "arena", "bench", "chaos", "experiment", "faults", "inject", "new-plugin",
+    "replay-tracker",
+)  # fmt: skip
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 
 

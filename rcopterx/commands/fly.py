@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
     LockstepOption,
@@ -30,22 +29,36 @@ if TYPE_CHECKING:
     from rcopterx.ground_station.acceptance.flight import Manoeuvre
     from rcopterx.ground_station.scripting.fleet import Fleet
 
-CHAOS = "chaos"
 SLICE_S = 0.25  # between two updates of the progress
+
+
+UpOption = Annotated[bool, Option("--up", help="Start a fleet first.")]
+ReportOption = Annotated[Path | None, Option(metavar="DIR", help="Write reports and a page here.")]
 
 
 @dataclass(frozen=True)
 class FlightOptions:
-    """Fleet and outputs of `fly`."""
+    """Fleet and outputs of flights that a command judges."""
 
     fleet: str | None
     start: bool  # start the fleet first, stop it afterwards
     record: bool
     report: Path | None  # directory of the reports
     as_json: bool
-    vehicles: int | None = None  # only the first vehicles of a fleet that is started; None for all
     speed: float | None = None  # how fast the time of a started fleet passes, if not as in its file
     lockstep: bool = False  # whether a started fleet waits for all its processes
+
+    def prepare(self) -> None:
+        """Make the directory of the reports, if any; refuse before the flight what will fail."""
+        if (self.speed is not None or self.lockstep) and not self.start:
+            raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
+        if self.report is None:
+            return
+        try:
+            self.report.mkdir(parents=True, exist_ok=True)
+            try_place(self.report)
+        except OSError as error:
+            raise typer.BadParameter(f"{self.report}: {error.strerror}", param_hint="--report") from None
 
 
 @contextmanager
@@ -63,69 +76,30 @@ def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", In
 
 
 def fly(
-    names: Annotated[
-        list[str] | None, Argument(metavar="NAME", help="Manoeuvres, or with --faults faults; see --list.")
-    ] = None,
+    names: Annotated[list[str] | None, Argument(metavar="NAME", help="Manoeuvres, see --list.")] = None,
     fleet: RunningFleetOption = None,
     start: Annotated[
         bool, Option("--up", help="Start a fleet first, by default that of the manoeuvre.")
     ] = False,
     every: Annotated[bool, Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
-    faults: Annotated[
-        bool, Option("--faults", help="Fly faults instead: those named, or the whole table.")
-    ] = False,
-    report: Annotated[
-        Path | None, Option(metavar="DIR", help="Write report.json and index.html here.")
-    ] = None,
+    report: ReportOption = None,
     as_json: JsonOption = False,
-    show_list: Annotated[bool, Option("--list", help="List the manoeuvres, or the faults.")] = False,
-    seconds: Annotated[float, Option(metavar="SECONDS", min=1, help="Duration of chaos.")] = 600.0,
-    seed: Annotated[int, Option(min=0, help="Seed of chaos.")] = 0,
-    runs: Annotated[int, Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")] = 1,
-    vehicles: Annotated[
-        int | None, Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N only.")
-    ] = None,
-    busy: Annotated[
-        int,
-        Option(
-            metavar="N",
-            min=0,
-            help="Busy processes beside chaos. With any, all processors are also taken at real-time priority "
-            "for 0.3 s every 4 s.",
-        ),
-    ] = 0,
+    show_list: Annotated[bool, Option("--list", help="List the manoeuvres.")] = False,
     record: RecordOption = True,
     speed: SpeedOption = None,
     lockstep: LockstepOption = False,
 ) -> None:
-    """Fly manoeuvres or faults, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
+    """Fly manoeuvres, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands."""
+    from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
 
-    `rcopterx fly chaos --up` injects a random fault every 2 to 4 s, which all vehicles shall survive.
-    """
-    options = FlightOptions(fleet, start, record, report, as_json, vehicles, speed, lockstep)
-    if (speed is not None or lockstep) and not start:
-        raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
-    if faults and every:
-        raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
-    study: Any = added("fly", "fly --faults") if faults else None
-    if show_list and faults:
-        study.list_faults()
-        return
     if show_list:
-        from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
-
         for row in MANOEUVRES.values():
             typer.echo(f"{row.name:24} {row.title}")
         return
-    chaos = names == [CHAOS] and not faults
-    rows = [] if faults or chaos else _chosen(names or [], every)
-    _make_directory(report)
-    if faults:
-        study.fly_faults(names or [], runs, options)
-    elif chaos:
-        added("fly", "fly chaos").fly_chaos(seconds, seed, busy, options)
-    else:
-        _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
+    rows = _chosen(names or [], every)
+    options = FlightOptions(fleet, start, record, report, as_json, speed, lockstep)
+    options.prepare()
+    _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:
@@ -151,20 +125,9 @@ def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
     if every:
         return list(MANOEUVRES.values())
     if not names:
-        raise typer.BadParameter("name a manoeuvre, or say --all or --faults", param_hint="NAME")
+        raise typer.BadParameter("name a manoeuvre, or say --all", param_hint="NAME")
     check_known(names, MANOEUVRES, "manoeuvre", "NAME")
     return [MANOEUVRES[name] for name in names]
-
-
-def _make_directory(path: Path | None) -> None:
-    """Make the directory of reports, if any; fail before the flight if it cannot be written to."""
-    if path is None:
-        return
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        try_place(path)
-    except OSError as error:
-        raise typer.BadParameter(f"{path}: {error.strerror}", param_hint="--report") from None
 
 
 def _fly_row(

@@ -43,8 +43,8 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
         yield os.environ | {"RCOPTERX_RUN": run, "RCOPTERX_FLIGHTS": str(tmp_path / "flights")}
 
 
-def fly(path: Path, environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rcopterx", "fly", *arguments, "--up", "--fleet", str(path)]
+def run_up(path: Path, environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rcopterx", *arguments, "--up", "--fleet", str(path)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert "Traceback" not in done.stderr, done.stderr
     return done
@@ -70,7 +70,7 @@ def assert_promises_kept(names: tuple[str, ...], out: Path, done: subprocess.Com
 def test_everybody_flies_on_whichever_of_these_goes_wrong(
     path: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    done = fly(path, environment, "--faults", *QUICK, "--no-record", "--report", str(tmp_path / "out"))
+    done = run_up(path, environment, "faults", *QUICK, "--no-record", "--report", str(tmp_path / "out"))
     assert_promises_kept(QUICK, tmp_path / "out", done)
 
 
@@ -81,7 +81,7 @@ def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_
 ) -> None:
     path.write_text(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
     names = ("leader-killed", "radio-no-dsm2", "pose-jumps-100-ms")
-    done = fly(path, environment, "--faults", *names, "--lockstep", "--no-record", "--json")
+    done = run_up(path, environment, "faults", *names, "--lockstep", "--no-record", "--json")
     reports = {report["name"]: (report["verdict"], report["problem"]) for report in json.loads(done.stdout)}
     assert done.returncode == 0, done.stderr
     assert reports == {
@@ -97,7 +97,7 @@ def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_
 @pytest.mark.campaign
 @pytest.mark.timeout(5400)
 def test_every_promise_of_the_table_is_kept(path: Path, tmp_path: Path, environment: dict[str, str]) -> None:
-    done = fly(path, environment, "--faults", "--report", str(tmp_path / "out"))
+    done = run_up(path, environment, "faults", "--report", str(tmp_path / "out"))
     assert_promises_kept(tuple(FAULT_FLIGHTS), tmp_path / "out", done)
 
 
@@ -107,7 +107,7 @@ def test_crazyflies_keep_the_promises_about_agents_transmitter_gateway_and_radio
     path: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     path.write_text(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
-    done = fly(path, environment, "--faults", *OF_CRAZYFLIES, "--report", str(tmp_path / "out"))
+    done = run_up(path, environment, "faults", *OF_CRAZYFLIES, "--report", str(tmp_path / "out"))
     assert_promises_kept(OF_CRAZYFLIES, tmp_path / "out", done)
 
 
@@ -115,5 +115,7 @@ def test_crazyflies_keep_the_promises_about_agents_transmitter_gateway_and_radio
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", range(3))
 def test_no_vehicle_comes_down_in_chaos(path: Path, seed: int, environment: dict[str, str]) -> None:
-    done = fly(path, environment, "chaos", "--seconds", "180", "--seed", str(seed), "--json", "--no-record")
+    done = run_up(
+        path, environment, "chaos", "--seconds", "180", "--seed", str(seed), "--json", "--no-record"
+    )
     assert json.loads(done.stdout)["verdict"] == "passed", done.stderr

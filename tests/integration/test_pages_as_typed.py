@@ -82,7 +82,7 @@ NOT_TYPED = {
         "tests/studies/benchmarks/test_solver_benchmark.py",
     ),
     "rcopterx fly --all --up --report out": (HOURS, "tests/integration/test_flown_manoeuvres.py"),
-    "rcopterx fly --faults --up --report faults": (HOURS, "tests/integration/test_flown_faults.py"),
+    "rcopterx faults --up --report faults": (HOURS, "tests/integration/test_flown_faults.py"),
     **{
         f"rcopterx experiment {words}": (HOURS, EXPERIMENTS)
         for words in (

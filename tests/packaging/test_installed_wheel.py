@@ -65,5 +65,5 @@ def test_studies_are_installed_beside_the_product_that_flies_without_them(
     assert "consensus" in run(scripts / "rcopterx", "arena", "--list", directory=tmp_path)
     task = ("arena", "--quick", "--tasks", "three", "--schemes", "consensus", "--json")
     assert '"digest"' in run(scripts / "rcopterx", *task, directory=tmp_path)
-    flown = run(scripts / "rcopterx", "fly", "--faults", "leader-killed", "--up", directory=tmp_path)
+    flown = run(scripts / "rcopterx", "faults", "leader-killed", "--up", directory=tmp_path)
     assert flown.startswith("passed"), flown

@@ -1,23 +1,35 @@
-"""Flying faults in the simulator: `fly --faults`."""
+"""Flying faults in the simulator: `faults`."""
 
 import fnmatch
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED
-from rcopterx.commands.fly import FlightOptions, flown_fleet
+from rcopterx.commands.fleet_option import (
+    DEFAULT_FLEET,
+    EXIT_FAILED,
+    LockstepOption,
+    RunningFleetOption,
+    SpeedOption,
+)
+from rcopterx.commands.fly import FlightOptions, ReportOption, UpOption, flown_fleet
 from rcopterx.commands.interruption import Interrupts
-from rcopterx.commands.output import Progress, print_document
+from rcopterx.commands.launch import RecordOption
+from rcopterx.commands.output import JsonOption, Progress, print_document
 
 if TYPE_CHECKING:
     from rcopterx_studies.faults.bench import FaultFlight
     from rcopterx_studies.faults.flying import FaultRange
 
+app = typer.Typer(add_completion=False)
+
+VehiclesOption = Annotated[
+    int | None, Option(metavar="N", min=1, help="With --up, fly the first N vehicles only.")
+]
 READY_S = 30.0  # for a fleet that has just been started
 ADD_UP = "it needs a fleet of its own: add --up"
 
@@ -28,22 +40,17 @@ def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
 
     for name in names:
         if not fnmatch.filter(FAULT_FLIGHTS, name):
-            raise typer.BadParameter(f"unknown fault flight {name!r}, see --faults --list", param_hint="NAME")
+            raise typer.BadParameter(f"unknown fault flight {name!r}, see --list", param_hint="NAME")
     wanted = names or ["*"]
     return [row for row in FAULT_FLIGHTS.values() if any(fnmatch.fnmatch(row.name, name) for name in wanted)]
-
-
-def list_faults() -> None:
-    """Print the table."""
-    for row in chosen_faults(()):
-        typer.echo(f"{row.name:32} {row.promise.value:18} {row.title}")
 
 
 class FleetHolder:
     """The fleet that flies faults, started again after a loss, from a copy that faults may change."""
 
-    def __init__(self, options: FlightOptions) -> None:
+    def __init__(self, options: FlightOptions, vehicles: int | None) -> None:
         self._options = options
+        self._vehicles = vehicles
         self._stack = ExitStack()
         self._range: FaultRange | None = None
         self._file: Path | None = None
@@ -63,7 +70,7 @@ class FleetHolder:
             self._file, options, path = file, self._options, None
             if options.start:
                 name = str(file or options.fleet or DEFAULT_FLEET)
-                path = self._stack.enter_context(copied_fleet(name, None if file else options.vehicles))
+                path = self._stack.enter_context(copied_fleet(name, None if file else self._vehicles))
             fleet, self.interrupts = self._stack.enter_context(flown_fleet(options, str(path)))
             fleet.wait_ready(timeout_s=READY_S)
             self._range = FaultRange(Bench(fleet, say, fleet.wait, path))
@@ -81,54 +88,56 @@ class FleetHolder:
 
 
 @contextmanager
-def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
-    """Yield a holder of a fleet; stop its last fleet at the end."""
+def fleet_holder(options: FlightOptions, vehicles: int | None) -> Iterator[FleetHolder]:
+    """Yield a holder of a fleet, perhaps of its first vehicles only; stop its last fleet at the end."""
     from rcopterx_studies.faults.orders import obedient_processes
 
     with ExitStack() as stack:
         if options.start:
             stack.enter_context(obedient_processes())
-        yield stack.enter_context(closing(FleetHolder(options)))
+        yield stack.enter_context(closing(FleetHolder(options, vehicles)))
 
 
-def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
-    """Fly rows of the table of faults, with one fleet while it survives; exit code 1 if a promise broke."""
+@app.command(rich_help_panel="Try out faults")
+def faults(
+    names: Annotated[
+        list[str] | None, Argument(metavar="NAME", help="Faults, or patterns such as 'pair-*'; see --list.")
+    ] = None,
+    fleet: RunningFleetOption = None,
+    start: UpOption = False,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+    show_list: Annotated[bool, Option("--list", help="List the faults and what is promised.")] = False,
+    runs: Annotated[int, Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")] = 1,
+    vehicles: VehiclesOption = None,
+    record: RecordOption = True,
+    speed: SpeedOption = None,
+    lockstep: LockstepOption = False,
+) -> None:
+    """Fly faults, by default the whole table, and check what is promised. Exit code 1 if a promise broke.
+
+    One fleet flies them while it survives. Ctrl-C lands.
+    """
     from rcopterx_studies.faults.reports import worst_of
 
-    rows = chosen_faults(names)
+    rows = chosen_faults(names or [])
+    if show_list:
+        for row in rows:
+            typer.echo(f"{row.name:32} {row.promise.value:18} {row.title}")
+        return
+    options = FlightOptions(fleet, start, record, report, as_json, speed, lockstep)
+    options.prepare()
     reports: list[dict[str, Any]] = []
-    with fleet_holder(options) as holder:
+    with fleet_holder(options, vehicles) as holder:
         try:
             for number, row in enumerate(rows, 1):
                 head = f"[{number}/{len(rows)}] {row.name}"
                 heads = [head] if runs == 1 else [f"{head} ({run}/{runs})" for run in range(1, runs + 1)]
                 reports.append(worst_of([_fly_row(row, holder, head) for head in heads]))
         finally:
-            _write(reports, options.report)
-    print_document(reports, options.as_json, lambda rows: "\n".join(map(_line, rows)))
-    if any(report["verdict"] == "failed" for report in reports):
-        raise typer.Exit(EXIT_FAILED)
-
-
-def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> None:
-    """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
-    if options.lockstep:
-        raise typer.BadParameter("chaos breaks processes, for which lockstep waits", param_hint="--lockstep")
-    from rcopterx.ground_station.scripting.waiting import NotReachedError, stopped_by
-    from rcopterx_studies.faults.chaos import Chaos
-
-    with fleet_holder(options) as holder:
-        place = holder.fault_range(Progress(f"chaos {seed}").say)
-        if place.fleet.launcher is None:
-            raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
-        with stopped_by(holder.interrupts):
-            result = Chaos(place, seed, seconds, busy).fly()
-    if options.report is not None:
-        path = options.report / f"chaos-{seed}.json"
-        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-        typer.echo(f"report: {path}", err=True)
-    print_document(result, options.as_json)
-    if result["verdict"] != "passed":
+            _write(reports, report)
+    print_document(reports, as_json, lambda rows: "\n".join(map(_line, rows)))
+    if any(one["verdict"] == "failed" for one in reports):
         raise typer.Exit(EXIT_FAILED)
 
 

@@ -1,4 +1,4 @@
-"""`fly --faults` lists its table and refuses what cannot be flown."""
+"""`faults` lists its table; `faults`, `chaos` and `fly` refuse what cannot be flown."""
 
 from pathlib import Path
 
@@ -12,12 +12,12 @@ from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, ["fly", *arguments])
+    result = CliRunner().invoke(app, list(arguments))
     return result.exit_code, " ".join(result.output.replace("│", " ").split())
 
 
 def test_the_list_names_every_fault_with_its_promise() -> None:
-    code, text = run("--faults", "--list")
+    code, text = run("faults", "--list")
     assert code == 0
     assert all(name in text for name in FAULT_FLIGHTS)
     assert "lands open loop" in text
@@ -26,12 +26,12 @@ def test_the_list_names_every_fault_with_its_promise() -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("--faults", "earthquake"), "unknown fault flight 'earthquake'"),
-        (("--faults", "--all"), "--faults flies all of its table by itself"),
-        ((), "name a manoeuvre, or say --all or --faults"),
-        (("chaos", "--up", "--lockstep"), "chaos breaks processes, for which lockstep waits"),
-        (("--all", "hover"), "either names of manoeuvres or --all"),
-        (("hover", "router-killed"), "unknown manoeuvre 'router-killed'"),
+        (("faults", "earthquake"), "unknown fault flight 'earthquake'"),
+        (("faults", "--speed", "0.5"), "a running fleet keeps its speed; add --up"),
+        (("chaos", "--speed", "0.5"), "a running fleet keeps its speed; add --up"),
+        (("fly",), "name a manoeuvre, or say --all"),
+        (("fly", "--all", "hover"), "either names of manoeuvres or --all"),
+        (("fly", "hover", "router-killed"), "unknown manoeuvre 'router-killed'"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_with_the_reason(arguments: tuple[str, ...], reason: str) -> None:
@@ -45,7 +45,7 @@ def test_faults_are_never_flown_with_real_helicopters(tmp_path: Path) -> None:
 
     path = tmp_path / "lab.toml"
     path.write_text(HARDWARE_PAIR)
-    code, text = run("--faults", "--up", "--fleet", str(path), "router-killed")
+    code, text = run("faults", "--up", "--fleet", str(path), "router-killed")
     assert code == 2
     assert "faults are flown in the simulator only" in text
 

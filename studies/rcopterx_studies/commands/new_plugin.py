@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 from typer import Argument
 
+app = typer.Typer(add_completion=False)
+
 
 class Kind(StrEnum):
     """What a package can add."""
@@ -23,12 +25,13 @@ USED_BY = {
 }
 
 
+@app.command(rich_help_panel="Extend")
 def new_plugin(
     kind: Annotated[Kind, Argument(help="What the package adds.")],
     name: Annotated[str, Argument(metavar="NAME", help="Lower case letters, digits and _.")],
 ) -> None:
     """Write a package with a controller, estimator or vehicle type of your own, and a test that flies it."""
-    from rcopterx.deploy.new_package import write_package
+    from rcopterx_studies.new_package.writing import write_package
 
     written = write_package(kind, name, Path())
     for path in written:

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
-from rcopterx.deploy.new_package import NAMES_OF_KIND
 from rcopterx.fleet.vehicle_types import type_names
+from rcopterx_studies.new_package.writing import NAMES_OF_KIND
 
 INSTALL = "from setuptools.build_meta import build_editable; build_editable('.')"
 """What `pip install --no-build-isolation -e` does before it unpacks the wheel."""

@@ -16,7 +16,7 @@ NAMES_OF_KIND: Final[Mapping[str, Callable[[], list[str]]]] = {
     "vehicle-type": type_names,
 }
 """Names that exist already, by what a package can add."""
-TEMPLATES: Final = Path(__file__).parent / "plugins"
+TEMPLATES: Final = Path(__file__).parent
 PLACEHOLDER: Final = "NAME"  # stands for the name in the templates and in the names of their files
 SUFFIX: Final = ".template"
 

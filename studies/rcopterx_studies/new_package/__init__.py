@@ -1,0 +1,1 @@
+"""Templates of packages that add a controller, an estimator or a vehicle type."""
