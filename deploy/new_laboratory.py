@@ -1,6 +1,5 @@
 """Writes the first fleet file of a laboratory, with comments, from a few answers."""
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,8 +16,6 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
 """Offsets of the second and third vehicle; further ones fly in rows behind them."""
-
-START_SPACING_M = 0.6  # distance of simulated vehicles that stand on the floor
 
 
 class NewVehicle(NamedTuple):
@@ -73,7 +70,7 @@ class NewLaboratory(NamedTuple):
     vehicles: Sequence[NewVehicle]  # the first one leads
     brand: str = "vicon"  # kind of the motion capture
     rate_hz: float | None = None  # capture rate; None where the motion capture reports it
-    simulated: bool = False
+    simulator: str = ""  # text of the sections of the simulator; empty with hardware
 
     @property
     def binds(self) -> bool:
@@ -97,7 +94,7 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
 def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
     """Return the text of the file, with comments on the next steps."""
     first = laboratory.vehicles[0].name
-    bench = laboratory.binds and not laboratory.simulated
+    bench = laboratory.binds and not laboratory.simulator
     commands = ("bind", "range-check", "calibrate") if bench else ()
     steps = [f"{command} {first} -f {path}" for command in commands] + [f"up {path}"]
     comments = "\n".join(f"#     rcopterx {step}" for step in steps)
@@ -121,38 +118,12 @@ brand = {quoted(laboratory.brand)}
 address = {quoted(laboratory.tracker)}
 {rate}"""
     ]
-    if laboratory.simulated:
-        parts.append(_simulator_text(laboratory))
+    if laboratory.simulator:
+        parts.append(laboratory.simulator)
     parts += [
         _vehicle_text(vehicle, number, laboratory) for number, vehicle in enumerate(laboratory.vehicles)
     ]
     return "\n".join(parts)
-
-
-def _simulator_text(laboratory: NewLaboratory) -> str:
-    """Section of the simulator; the vehicles stand in rows in the middle of the volume."""
-    low, high = laboratory.volume_min_m, laboratory.volume_max_m
-    count = len(laboratory.vehicles)
-    columns = math.ceil(math.sqrt(count))
-    corner = [
-        round(0.5 * (low[axis] + high[axis] - START_SPACING_M * (lines - 1)), 3)
-        for axis, lines in enumerate((columns, math.ceil(count / columns)))
-    ]
-    places = []
-    for number, vehicle in enumerate(laboratory.vehicles):
-        row, column = divmod(number, columns)
-        x, y = corner[0] + START_SPACING_M * column, corner[1] + START_SPACING_M * row
-        places.append(f"{tomlkit.key(vehicle.name).as_string()} = [{x:.2f}, {y:.2f}, 0.0, 0.0]")
-    starts = "\n".join(places)
-    return f"""\
-# To fly hardware: remove the sections of the simulator, and give the address of the Tracker
-# and the ports of the radios.
-[simulator]
-conditions = "helicopter"
-
-[simulator.start]    # x, y, z in metres, heading in radians
-{starts}
-"""
 
 
 def name_of(text: str) -> str:

@@ -15,8 +15,8 @@ from rcopterx.commands.fleet_option import EXIT_USAGE, failure
 
 GROUP: Final = "rcopterx.commands"
 STUDIES: Final = (
-    "amplification", "arena", "bench", "chaos", "experiment", "faults", "inject", "new-plugin",
-    "replay-tracker",
+    "amplification", "arena", "bench", "chaos", "experiment", "faults", "import-skybrush", "inject",
+    "new-plugin", "replay-tracker",
 )  # fmt: skip
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 

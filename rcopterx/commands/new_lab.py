@@ -18,7 +18,6 @@ T = TypeVar("T")
 
 LOOK_S = 3.0
 MOTION_CAPTURE = "motion_capture.yaml"
-SIMULATED = "127.0.0.1:18801"  # address of the simulated Tracker
 
 NewFleetFile = Annotated[Path, Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")]
 LowerCorner = Annotated[
@@ -28,9 +27,12 @@ UpperCorner = Annotated[
     str, Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
 ]
 
-import_ = typer.Typer(
-    add_completion=False, help="Write a fleet file from files of other software.", no_args_is_help=True
-)
+import_ = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+@import_.callback()
+def _import() -> None:
+    """Write a fleet file from files of other software."""
 
 
 def new_lab(
@@ -164,23 +166,3 @@ def crazyswarm2(
     for remark in remarks:
         typer.echo(f"remark: {remark}", err=True)
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
-
-
-@import_.command()
-def skybrush(
-    show: Annotated[
-        Path, Argument(metavar="SHOW", exists=True, dir_okay=False, help="File .skyc, or a zip of CSV files.")
-    ],
-    file: NewFleetFile,
-    volume_min: LowerCorner = "-1.5,-1.5,0",
-    volume_max: UpperCorner = "1.5,1.5,2",
-) -> None:
-    """Write the fleet file of a simulated vehicle for each drone of a show of Skybrush."""
-    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
-    from rcopterx.deploy.skybrush import read_vehicles
-
-    vehicles = read_vehicles(show)
-    name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-    laboratory = NewLaboratory(name, SIMULATED, *corners, None, "coaxial", vehicles, simulated=True)
-    write_fleet_file(file, laboratory)
-    typer.echo(f"{file}: {len(vehicles)} vehicles; fly the show: examples/light_show --fleet {file}")

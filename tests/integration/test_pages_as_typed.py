@@ -51,9 +51,9 @@ NOT_TYPED = {
     ),
     BRIDGE_TO_ROS: (OTHERS, "tests/examples/test_ros2_bridge.py"),
     f"{BRIDGE_TO_ROS} --keys ros2dds": (OTHERS, "tests/examples/test_ros2_bridge.py"),
-    "rcopterx import skybrush show.skyc show.toml": (
+    "rcopterx import-skybrush show.skyc show.toml": (
         "wants a show of Skybrush",
-        "tests/rcopterx/test_import_command.py",
+        "tests/studies/commands/test_import_skybrush_command.py",
     ),
     "python examples/light_show/light_show.py show.skyc --fleet show.toml --slower 2": (
         "wants a show of Skybrush",

@@ -30,6 +30,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["bench", "solver", "--json"], "bench"),
         (["faults", "--list"], "faults"),
         (["chaos", "--up"], "chaos"),
+        (["import-skybrush", "a.skyc", "a.toml"], "import-skybrush"),
         (["new-plugin", "controller", "mine"], "new-plugin"),
         (["replay", "--agent", "h1"], "replay --agent"),
         (["flights", "--check", "latest"], "flights --check"),
