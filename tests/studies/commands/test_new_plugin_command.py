@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet.vehicle_types import type_names
-from rcopterx_studies.new_package.writing import NAMES_OF_KIND
+from rcopterx_studies.commands.new_plugin import Kind
 
 INSTALL = "from setuptools.build_meta import build_editable; build_editable('.')"
 """What `pip install --no-build-isolation -e` does before it unpacks the wheel."""
@@ -43,7 +43,7 @@ def install(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     site.addsitedir(str(installed))
 
 
-@pytest.mark.parametrize("kind", NAMES_OF_KIND)
+@pytest.mark.parametrize("kind", list(Kind))
 def test_a_new_package_is_found_by_its_entry_point_and_its_test_flies_it(
     kind: str, directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
