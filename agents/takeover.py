@@ -121,7 +121,7 @@ def intent_of(
     """
     time_s = clock.time_s
     path = task.source if isinstance(task.source, set_points.TimedPath) else None
-    (end_m, end_yaw_rad), flown = task.source.end(), configuration.message
+    end_m, end_yaw_rad = task.source.end()
     return Intent(
         lease=lease,
         phase=task.phase.value,
@@ -147,12 +147,7 @@ def intent_of(
             for link in task.followed
             if link.start is not None and time_s < link.start_s + link.duration_s
         ),
-        controller=flown.controller,
-        controller_settings=flown.controller_settings,
-        estimator=flown.estimator,
-        estimator_settings=flown.estimator_settings,
-        model=flown.model,
-        learned=flown.learned,
+        flown_by=configuration.message,
         previous=None if previous is None else previous.message,
         path_requested=isinstance(path, set_points.PathReference),
     )
@@ -295,7 +290,7 @@ class Handover:
         """Restore the configuration of the predecessor, unless it is what ends the process."""
         if self._quick_deaths >= DEFAULTS_AFTER:
             return
-        wanted = Configuration.reported(intent)
+        wanted = Configuration.reported(intent.flown_by)
         if self._quick_deaths >= PREVIOUS_AFTER and intent.previous is not None:
             wanted = Configuration.reported(intent.previous)
             self._tuning.remark = (

@@ -37,6 +37,7 @@ class FlownBy(Struct, frozen=True, kw_only=True):
 
     controller: Name
     controller_settings: Settings = {}
+    """Settings that the fleet file or a request changed; all others have their defaults."""
     estimator: Name
     estimator_settings: Settings = {}
     model: Parameters = {}
@@ -72,19 +73,11 @@ class Intent(Message, frozen=True, kw_only=True):
     """Leaders whose offsets have started to move from the vehicle's own place."""
     moves: tuple[OffsetMove, ...] = ()
     """Offsets that are moving."""
-    controller: Name
-    controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
-    """Settings that the fleet file or a request changed; all others have their defaults."""
-    estimator: Name
-    estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
-    model: Parameters = {}  # noqa: RUF012 - msgspec copies it
-    """Parameters of the model that a request changed."""
-    learned: Parts = ()
-    """Parts of the model that were learned in ordinary flight."""
+    flown_by: FlownBy
     interrupted: Name | None = None
     """Phase that continues once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None
-    """Controller and estimator before the last change, for a return if the change ends the process."""
+    """`flown_by` before the last change, for a return if the change ends the process."""
     lease: Count = 0
     """Control lease of the agent."""
     path_requested: bool = True

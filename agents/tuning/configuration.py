@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from rcopterx.agents.flight.oscillation import Loop
-from rcopterx.bus.intent import FlownBy, Intent
+from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Parameters, Setting
 from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.interfaces import Controller, Estimator
@@ -53,7 +53,7 @@ class Configuration:
             object.__setattr__(self, name, plain)
 
     @classmethod
-    def reported(cls, by: Diagnostics | Intent | FlownBy) -> "Configuration":
+    def reported(cls, by: Diagnostics | FlownBy) -> "Configuration":
         """The configuration that an agent reports in its status or its intent."""
         return cls(
             by.controller, by.estimator, by.controller_settings, by.estimator_settings, by.model, by.learned

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
 
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR, Configuration
 from rcopterx.control.margins.cascade import loops_of
 from rcopterx.control.margins.loop import (
     DELAY_LIMIT_S,
@@ -29,9 +29,6 @@ COLUMNS: Final = (
     "peak M_s", "corner M_s", "below rule",
 )  # fmt: skip
 _NEARLY: Final = 0.999
-
-CONTROLLER: Final = "cascade"
-ESTIMATOR: Final = "extended_kalman"  # the pair whose loops are known
 
 
 def configured(file: FleetFile, vehicle: str) -> Configuration:
@@ -151,11 +148,11 @@ def _loops(file: FleetFile, name: str, used: Configuration) -> dict[str, Feedbac
 
 
 def unknown_loops(configuration: Configuration) -> str | None:
-    """Return why the loops of a configuration are not known; None if they are."""
-    if (configuration.controller, configuration.estimator) == (CONTROLLER, ESTIMATOR):
+    """Return why the loops of a configuration are not known; None for the default pair, whose loops are."""
+    if (configuration.controller, configuration.estimator) == (DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR):
         return None
     flown = f"{configuration.controller} with {configuration.estimator}"
-    return f"margins are known for {CONTROLLER} with {ESTIMATOR}, not for {flown}"
+    return f"margins are known for {DEFAULT_CONTROLLER} with {DEFAULT_ESTIMATOR}, not for {flown}"
 
 
 if __name__ == "__main__":

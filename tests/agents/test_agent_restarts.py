@@ -13,7 +13,7 @@ from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.agents.process import Agent
 from rcopterx.bus import channels
-from rcopterx.bus.intent import Intent
+from rcopterx.bus.intent import FlownBy, Intent
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import GoTo, RecallReply
 from rcopterx.bus.session import BusAddress, Session
@@ -52,9 +52,7 @@ INTENT = Intent(
     frame=90,
     yaw_rad=2 * math.tau + 0.1,
     set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=2 * math.tau + 0.5),
-    controller="paper",
-    estimator="extended_kalman",
-    controller_settings={"horizon": 50},
+    flown_by=FlownBy(controller="paper", estimator="extended_kalman", controller_settings={"horizon": 50}),
 )
 
 

@@ -41,9 +41,7 @@ INTENT = Intent(
     epoch=1,
     frame=1,
     set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
-    controller="lqr",
-    estimator="extended_kalman",
-    controller_settings={"horizon": 12},
+    flown_by=flown_by(CHANGED),
     previous=flown_by(BEFORE),
 )
 
@@ -113,10 +111,7 @@ def test_the_defaults_fly_from_the_first_step_on() -> None:
 
 
 def test_without_a_change_to_withdraw_the_same_flies_once_more() -> None:
-    intent = Intent(
-        phase="flying", epoch=1, frame=1, set_point=INTENT.set_point, controller="lqr",
-        estimator="extended_kalman", controller_settings={"horizon": 12},
-    )  # fmt: skip
+    intent = msgspec.structs.replace(INTENT, previous=None)
     agent = Restarted(1, intent)
     assert agent.settle() == CHANGED
     assert not agent.tuning.remark
@@ -133,7 +128,7 @@ def test_while_the_predecessors_settings_are_prepared_they_are_what_a_successor_
     agent = Restarted(0)
     agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
-    assert (intent.controller, intent.previous) == ("lqr", INTENT.previous)
+    assert (intent.flown_by.controller, intent.previous) == ("lqr", INTENT.previous)
     agent.settle()
 
 
@@ -144,7 +139,7 @@ def test_a_change_tells_a_successor_what_flew_before() -> None:
     agent.settle()
     agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
-    assert intent.controller == "pid"
+    assert intent.flown_by.controller == "pid"
     assert intent.previous is not None
     assert intent.previous.controller == "lqr"
 
@@ -163,7 +158,7 @@ def test_a_change_on_the_way_along_a_path_is_told_at_once_and_the_path_itself_on
     agent.handover.publish(0.0)
     intent = agent.launcher.intents[-1]
     assert intent.path is not None
-    assert intent.controller == "pid"
+    assert intent.flown_by.controller == "pid"
 
 
 def test_what_somebody_chooses_ends_the_remark() -> None:

@@ -14,7 +14,7 @@ from tracker_bench import PATIENT
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import TrackerStatus
-from rcopterx.bus.intent import Intent
+from rcopterx.bus.intent import FlownBy, Intent
 from rcopterx.bus.messages import Applied, SetPoint
 from rcopterx.bus.session import Session
 from rcopterx.vicon_gateway.client import DataStreamClient
@@ -94,7 +94,7 @@ def applied(epoch: int) -> Applied:
 def intent(epoch: int) -> Intent:
     return Intent(
         phase="flying", epoch=epoch, frame=1, set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
-        controller="cascade", estimator="extended_kalman",
+        flown_by=FlownBy(controller="cascade", estimator="extended_kalman"),
     )  # fmt: skip
 
 

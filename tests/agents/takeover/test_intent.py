@@ -198,7 +198,7 @@ def test_a_landing_goes_on_where_it_was() -> None:
 
 def test_settings_are_those_of_before() -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
-    assert Configuration.reported(received_intent(task, 0.0)) == CONFIGURATION
+    assert Configuration.reported(received_intent(task, 0.0).flown_by) == CONFIGURATION
 
 
 @pytest.mark.parametrize(("epoch", "expected_s"), [(7, 0.5), (8, 0.3)])

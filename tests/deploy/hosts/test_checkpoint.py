@@ -8,7 +8,7 @@ from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
-from rcopterx.bus.intent import Intent
+from rcopterx.bus.intent import FlownBy, Intent
 from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress, Session
@@ -19,8 +19,7 @@ INTENT = Intent(
     phase="flying",
     epoch=1,
     frame=100,
-    controller="paper",
-    estimator="kalman",
+    flown_by=FlownBy(controller="paper", estimator="kalman"),
     set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
     assigned=(LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
 )
