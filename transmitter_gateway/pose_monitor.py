@@ -198,6 +198,10 @@ class PoseMonitor:
         self._stood_at_m = None
         self._mistaken = distrust
 
+    def distrust(self, reason: str) -> None:
+        """Reject own poses, which may be those of another body, until the vehicle has landed."""
+        self._mistaken = self._mistaken or reason
+
     @property
     def mistaken(self) -> bool:
         """Whether the own poses may be those of another body until the vehicle has landed."""

@@ -109,6 +109,11 @@ class LiftOffProof:
         self._others: dict[str, _Other] = {}
 
     @property
+    def share(self) -> float:
+        """Thrust after the rotor's lag, as a share of the hover thrust."""
+        return self._acting / self._limits.hover_thrust
+
+    @property
     def turning(self) -> bool:
         """Whether the rotor turns fast enough to do harm."""
         return self._acting > TURNING * self._limits.hover_thrust

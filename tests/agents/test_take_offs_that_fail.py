@@ -15,6 +15,7 @@ HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
 FROM_STANDING_M = 0.28  # of a light vehicle in the hop of a pulse, which a body on the floor hides
 FROM_STANDING_M_S = 1.2
+HELD_CLIMB_M = 4.0  # until its thrust shows that a vehicle must have moved
 FROM_CLEAR_M_S = 1.4  # of a vehicle that sinks from 0.4 m under 0.76 of its hover thrust
 
 
@@ -122,6 +123,21 @@ def test_a_body_that_stands_in_the_place_of_a_vehicle_that_has_just_lifted_bring
         assert bench.highest_m["h1"] < FROM_STANDING_M
         assert bench.hardest_m_s["h1"] < FROM_STANDING_M_S
         assert bench.arbiters["h1"].state is State.CUT
+
+
+@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("begins_s", [1.0, 1.5, 2.5])
+def test_a_pose_that_is_held_with_noise_in_a_climb_ends_the_flight(kind: str, begins_s: float) -> None:
+    bench = TakeOffs({"h1": kind})
+    bench.take_off("h1")
+    bench.run(begins_s)
+    held = bench.views["h1"]()
+    assert held is not None
+    bench.views["h1"] = another_body(held)
+    bench.run(8.0)
+    assert bench.highest_m["h1"] < held.position_m[2] + HELD_CLIMB_M
+    assert bench.plants["h1"].on_floor
+    assert bench.arbiters["h1"].state is State.CUT
 
 
 @pytest.mark.parametrize("kind", TYPES)
