@@ -13,7 +13,8 @@ LOCKSTEP_LIMIT_S = 600
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let tests in lockstep take longer than others."""
     for item in items:
-        if in_lockstep(item):
+        own = item.get_closest_marker("timeout")
+        if in_lockstep(item) and (own is None or own.args[0] < LOCKSTEP_LIMIT_S):
             item.add_marker(pytest.mark.timeout(LOCKSTEP_LIMIT_S))
 
 
