@@ -27,7 +27,7 @@ CHANNELS_AT = 4
 CHANNEL_BYTES = 22
 CENTER_COUNT = 1024
 KILL_COUNT = 204
-KILL_CHANNEL = 13
+KILL_CHANNEL, AUTOBIND_CHANNEL = 13, 15  # the latter: above its centre a module binds if `autobind` is set
 COUNTS_PER_US = 820 / 400
 
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
@@ -107,11 +107,6 @@ class MultiFrame(Struct, frozen=True):
     def kills(self) -> bool:
         """Whether channel 14 stops the motors."""
         return self.protocol == DSM and self.kill_count <= KILL_COUNT
-
-    @property
-    def autobind_count(self) -> int:
-        """Value of channel 16, above whose centre a module binds if `autobind` is set."""
-        return self.counts[15]
 
     def to_bytes(self) -> bytes:
         """Encode as the 27 bytes of the wire format."""

@@ -51,14 +51,6 @@ class SerialLine:
     parity: Literal["N", "E"] = "N"
     stop_bits: Literal[1, 2] = 1
 
-    def __post_init__(self) -> None:
-        if self.baud <= 0:
-            raise ProtocolError(f"line.baud: {self.baud} must be positive")
-        if self.parity not in ("N", "E"):
-            raise ProtocolError(f"line.parity: {self.parity!r} must be 'N' or 'E'")
-        if self.stop_bits not in (1, 2):
-            raise ProtocolError(f"line.stop_bits: {self.stop_bits!r} must be 1 or 2")
-
     def duration_s(self, byte_count: int) -> float:
         """Time on the wire of `byte_count` bytes sent without gaps [s]."""
         bits = 1 + 8 + (self.parity == "E") + self.stop_bits

@@ -159,11 +159,6 @@ class Crazyflie(UdpVehicle):
             self.power_cycle(now_s)
             self.flown_s, self._running_s = flown_s, now_s + BOOT_S
 
-    def crash(self, *, tumbled: bool) -> None:
-        """Stop the motors as after a crash; `tumbled`: it lies on its side."""
-        self.state = crtp.SupervisorState(arms_itself=self._arms_itself, crashed=True, tumbled=tumbled)
-        self._note(self._advanced_s)
-
     def _take(self, set_point: AttitudeSetPoint, now_s: float) -> None:
         self._unlocked = self._unlocked or set_point.thrust == 0
         self._set_point, self._received_s = set_point, now_s

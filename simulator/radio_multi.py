@@ -4,7 +4,7 @@ import math
 
 from msgspec import structs
 
-from rcopterx.radios.multi import CENTER_COUNT, FRAME_LENGTH, MultiFrame, pulse_of
+from rcopterx.radios.multi import AUTOBIND_CHANNEL, CENTER_COUNT, FRAME_LENGTH, MultiFrame, pulse_of
 from rcopterx.radios.multi_radios import DSM, RADIOS, MultiRadio
 from rcopterx.radios.protocol import ten_bit_pulse_us
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
@@ -217,7 +217,7 @@ class MultiModule(RadioModule):
             self._copy = None
             self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S) - SECOND_COPY_S
             return
-        waiting_for_autobind = frame.autobind and frame.autobind_count <= CENTER_COUNT
+        waiting_for_autobind = frame.autobind and frame.counts[AUTOBIND_CHANNEL] <= CENTER_COUNT
         if not self._valid() or waiting_for_autobind:
             self._next_rf_s = now_s + SLOW_PERIOD_S
             return

@@ -20,7 +20,7 @@ from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, 
 from rcopterx.bus.session import Incoming
 from rcopterx.control.references.columns import POSE
 from rcopterx.formation.placement import Room, offset_problem, place_problem
-from rcopterx.formation.topology import ancestors, formation_of, in_words, line_between
+from rcopterx.formation.topology import ancestors, in_words, line_between
 from rcopterx.vehicles.phases import Phase
 
 PREPARED_S = 3.0  # time for which a prepared change waits for its frame
@@ -257,7 +257,7 @@ class LeaderChanges:
         flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
         if not (missing and flying and self.pilot.guidance.rotor_on):
             return None
-        links, _ = formation_of(self.peers.statuses(), flying=(self.vehicle,))
+        links, _ = self.peers.formation()
         after = {**links, self.vehicle: following}
         if line_between(after, self.vehicle, self.vehicle):
             # They may have changed leaders since.
@@ -301,7 +301,7 @@ class LeaderChanges:
         problem = offset_problem(self.vehicle, following, self.room)
         if problem is not None or not self.pilot.guidance.rotor_on:
             return problem
-        links, heads = formation_of(self.peers.statuses(), flying=(self.vehicle,))
+        links, heads = self.peers.formation()
         for link in following:
             plan = self.plans.newest(link.leader)
             if link.leader not in links and plan is not None:

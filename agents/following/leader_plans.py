@@ -13,7 +13,8 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
-from rcopterx.vehicles.state import three
+from rcopterx.formation.topology import FormationGraph, formation_of
+from rcopterx.vehicles.state import Array, three
 
 
 def leader_plan(plan: Plan, clock: FleetClock, with_nominal: bool = True) -> LeaderPlan:
@@ -145,6 +146,10 @@ class PeerStatuses:
                 if now_s - received.arrived_s <= limit_s:
                     found[name] = received.message
         return found
+
+    def formation(self) -> tuple[FormationGraph, dict[str, Array]]:
+        """Links and heads of the formation of those, and of the own vehicle, in flight."""
+        return formation_of(self.statuses(), flying=(self.vehicle,))
 
 
 def followed_leader(following: LeaderLink) -> FollowedLeader:

@@ -24,7 +24,7 @@ from rcopterx.control.references.paths import FlightPath, begun_from, path_probl
 from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.formation.placement import Room, move_problem, take_off_problem
 from rcopterx.formation.profile_limits import profile_limits_of
-from rcopterx.formation.topology import FormationGraph, followers, formation_of, places
+from rcopterx.formation.topology import FormationGraph, followers, places
 from rcopterx.vehicles.state import Array
 
 CHECKED_EVERY_S: Final = 0.1  # between moments of a trajectory at which places of followers are checked
@@ -198,14 +198,7 @@ class RequestHandler:
     def _tune(self, incoming: Incoming, request: requests.Tune) -> None:
         present = self.tuning.configuration
         # Tuning ends the effect of the guard against oscillation.
-        wanted = without_guard(present).changed(
-            request.controller,
-            request.controller_settings,
-            request.estimator,
-            request.estimator_settings,
-            request.model,
-            request.learned,
-        )
+        wanted = without_guard(present).changed(request)
         refusal = None
         if self.tuning.busy:
             refusal = "another change is being prepared"
@@ -247,7 +240,7 @@ class RequestHandler:
         # Headings of references have all turns that the vehicle has made.
         near_rad = self.pilot.guidance.heading_rad(time_s)
         yaw_rad = nearest_heading(request.set_point.yaw_rad, near_rad) + math.tau * request.turns
-        formation = links, _ = self._formation()
+        formation = links, _ = self.peers.formation()
         problem = (
             self.changes.promised()
             or self.settings.room.outside(position_m)
@@ -262,13 +255,9 @@ class RequestHandler:
     def _no_trajectory(self) -> str | None:
         return self.changes.promised() or self.pilot.guidance.flight_problem()
 
-    def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
-        """Return links and heads of the formation by the statuses of the others."""
-        return formation_of(self.peers.statuses(), flying=(self.settings.vehicle,))
-
     def _formation_check(self) -> FormationCheck:
         """Return the check of a way for the present followers and for vehicles that are not avoided."""
-        return self._check_of(*self._formation())
+        return self._check_of(*self.peers.formation())
 
     def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> FormationCheck:
         own, others = self.settings.vehicle, {}

@@ -11,6 +11,7 @@ from rcopterx.agents.flight.oscillation import Loop
 from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Parameters, Setting
 from rcopterx.bus.messages import Diagnostics
+from rcopterx.bus.requests import Tune
 from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.control.plugins import ESTIMATORS, flying
 from rcopterx.vehicles.model import Model, with_parameters
@@ -77,31 +78,20 @@ class Configuration:
             learned=self.learned,
         )
 
-    def changed(
-        self,
-        controller: str | None,
-        controller_settings: Mapping[str, object],
-        estimator: str | None,
-        estimator_settings: Mapping[str, object],
-        model: Mapping[str, object] | None = None,
-        learned: tuple[str, ...] = (),
-    ) -> "Configuration":
-        """The configuration with added settings and parameters; other parts keep only the horizon.
-
-        `learned`: parts of the model that ordinary flight has shown.
-        """
+    def changed(self, by: Tune) -> "Configuration":
+        """The configuration with added settings and parameters; other parts keep only the horizon."""
         kept = dict(self.controller_settings)
-        if controller not in (None, self.controller):
+        if by.controller not in (None, self.controller):
             kept = {name: value for name, value in kept.items() if name == "horizon"}
-        kept_by_estimator = self.estimator_settings if estimator in (None, self.estimator) else {}
+        kept_by_estimator = self.estimator_settings if by.estimator in (None, self.estimator) else {}
         return replace(
             self,
-            controller=controller or self.controller,
-            controller_settings={**kept, **controller_settings},
-            estimator=estimator or self.estimator,
-            estimator_settings={**kept_by_estimator, **estimator_settings},
-            model={**self.model, **(model or {})},
-            learned=learned if model else self.learned,
+            controller=by.controller or self.controller,
+            controller_settings={**kept, **by.controller_settings},
+            estimator=by.estimator or self.estimator,
+            estimator_settings={**kept_by_estimator, **by.estimator_settings},
+            model={**self.model, **by.model},
+            learned=by.learned if by.model else self.learned,
         )
 
     def with_default_controller(self) -> "Configuration":

@@ -14,6 +14,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import EFFORT_FACTORS, Configuration
 from rcopterx.bus.messages import Diagnostics
+from rcopterx.bus.requests import Tune
 from rcopterx.control.plugins import flying
 from rcopterx.vehicles.phases import Phase
 
@@ -116,4 +117,4 @@ class OscillationGuard:
             f"{swing.signal} oscillated at {swing.frequency_hz:.1f} Hz by {swing.size:.2f} of its range"
             for swing in swings
         )
-        self._tuning.begin(present.changed(None, {EFFORT_FACTORS: factors}, None, {}))
+        self._tuning.begin(present.changed(Tune(controller_settings={EFFORT_FACTORS: tuple(factors)})))

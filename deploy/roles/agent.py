@@ -67,6 +67,13 @@ def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[Agen
         return settings, build_pilot(settings)
 
 
+def configured(fleet: FleetFile, name: str) -> Configuration:
+    """Return the controller and the estimator that the fleet file configures for a vehicle."""
+    control = fleet.vehicles[name].control
+    settings = {"horizon": control.horizon, **control.settings}
+    return Configuration(control.controller, control.estimator, settings, control.estimator_settings)
+
+
 def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> AgentSettings:
     """Return the settings of a vehicle's agent on a host, by default that of the fleet file."""
     vehicle = fleet.vehicles[name]
@@ -80,12 +87,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         vehicles=tuple(fleet.vehicles),
         model=models[name],
         room=Room(fleet.volume.min_m, fleet.volume.max_m, distance_m),
-        configuration=Configuration(
-            control.controller,
-            control.estimator,
-            {"horizon": control.horizon, **control.settings},
-            control.estimator_settings,
-        ),
+        configuration=configured(fleet, name),
         period_s=control.period_s,
         leader_wait_s=control.leader_wait_s,
         deviation_share=control.deviation_share,

@@ -18,6 +18,7 @@ from rcopterx.control.margins.loop import (
     margins,
     robustness,
 )
+from rcopterx.deploy.roles.agent import configured
 from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetFile, errors_at
@@ -29,12 +30,6 @@ COLUMNS: Final = (
     "peak M_s", "corner M_s", "below rule",
 )  # fmt: skip
 _NEARLY: Final = 0.999
-
-
-def configured(file: FleetFile, vehicle: str) -> Configuration:
-    """Controller and estimator that the fleet file configures for a vehicle."""
-    control = file.vehicles[vehicle].control
-    return Configuration(control.controller, control.estimator, control.settings, control.estimator_settings)
 
 
 def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rcopterx.agents.reporting import error_m
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
-from rcopterx.bus.requests import TakeOff
+from rcopterx.bus.requests import TakeOff, Tune
 from rcopterx.bus.session import BusAddress, RequestFailedError
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.wakeup import Wakeup
@@ -303,6 +303,6 @@ def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_a
         bench.settings, bench.pilot, StepBus(join(clock=bench.clock, waiter=wakeup)), realtime=False
     )
     wakeup.wait(0.0)
-    agent.tuning.begin(agent.tuning.configuration.changed("lqr", {}, None, {}))
+    agent.tuning.begin(agent.tuning.configuration.changed(Tune(controller="lqr")))
     wakeup.wait(DEADLINE_S)
     assert isinstance(agent.tuning.finish(), str)

@@ -209,15 +209,6 @@ def test_wire_time_of_a_frame_is_3_24_ms() -> None:
     assert MultiProtocol().minimum_interval_s >= 3.24e-3 + 1e-3
 
 
-@pytest.mark.parametrize(
-    ("arguments", "field"),
-    [((0, "N", 1), "baud"), ((9600, "X", 1), "parity"), ((9600, "N", 3), "stop_bits")],
-)
-def test_wrong_line_settings_name_the_field(arguments: tuple[int, str, int], field: str) -> None:
-    with pytest.raises(ProtocolError, match=field):
-        SerialLine(*arguments)  # type: ignore[arg-type]  # wrong on purpose
-
-
 def test_a_radio_other_than_dsm_gets_its_number_option_and_line_order() -> None:
     settings = MultiSettings(rx_num=3, radio="OMP", option=-20)
     protocol = MultiProtocol(settings)

@@ -1,6 +1,6 @@
 """A pilot that hovers in the simulated laboratory, for tests of what takes over in flight."""
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.requests import Tune
 from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
@@ -50,17 +51,9 @@ class HoveringFlight:
             self.flown.append(self.pilot.control({}))
             self.laboratory.plants["h1"].set_input(self.flown[-1].input)
 
-    def change(self, **wanted: object) -> str | ValueError:
+    def change(self, **wanted: Any) -> str | ValueError:
         """Prepare a change beside the flight, and let it take over."""
-        present = self.tuning.configuration
-        settings = wanted.get("controller_settings", {})
-        assert isinstance(settings, Mapping)
-        controller, estimator = wanted.get("controller"), wanted.get("estimator")
-        assert controller is None or isinstance(controller, str)
-        assert estimator is None or isinstance(estimator, str)
-        model = wanted.get("model", {})
-        assert isinstance(model, Mapping)
-        self.tuning.begin(present.changed(controller, settings, estimator, {}, model))
+        self.tuning.begin(self.tuning.configuration.changed(Tune(**wanted)))
         outcomes: list[str | ValueError] = []
 
         def ready() -> bool:

@@ -5,6 +5,7 @@ from firmware_bench import FirmwareBench
 
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.radios.crazyflie_reports import FALL_BACKS
+from rcopterx.radios.crtp import SupervisorState
 from rcopterx.simulator.crazyflie import BOOT_S, LEVEL_AFTER_S, SPIN_UP_S, WATCHDOG_S, Crazyflie
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, LinkState, State
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
@@ -202,7 +203,7 @@ def test_the_end_of_a_gateway_leaves_vehicles_that_fly_without_a_power_cycle(ben
 @pytest.mark.parametrize("tumbled", [True, False])
 def test_a_crashed_vehicle_flies_after_a_reset_once_it_is_upright(bench: Bench, tumbled: bool) -> None:
     bench.fly()
-    bench.vehicle.crash(tumbled=tumbled)
+    bench.vehicle.state = SupervisorState(arms_itself=True, crashed=True, tumbled=tumbled)
     bench.height_m = 0.02
     bench.run(5.0, None)
     assert bench.state is State.CUT
@@ -210,7 +211,7 @@ def test_a_crashed_vehicle_flies_after_a_reset_once_it_is_upright(bench: Bench, 
     assert ("put it upright" if tumbled else "reset it") in bench.module
     if tumbled:
         assert not bench.request(Action.RESET)
-        bench.vehicle.crash(tumbled=False)
+        bench.vehicle.state = SupervisorState(arms_itself=True, crashed=True)
         bench.run(0.5, 0.0)
     assert bench.request(Action.RESET)
     bench.run(0.5, 0.0)

@@ -13,15 +13,17 @@ from typing import Any, Final
 
 import numpy as np
 
+from rcopterx.bus.requests import Tune
 from rcopterx.control.interfaces import Controller, Estimate, TiltEstimate
 from rcopterx.control.models.linear import Complex
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.deploy.roles.agent import configured
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.schema import FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.topology import ancestors
-from rcopterx.ground_station.terminal.margins import configured, unknown_loops
+from rcopterx.ground_station.terminal.margins import unknown_loops
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YD_BODY, Array, Z
 
@@ -179,8 +181,7 @@ def _linear_vehicle(
 ) -> LinearVehicle:
     """Return a vehicle's linear behaviour; vehicles that are configured alike have the same one."""
     model, period_s = model_of(file, name), file.vehicles[name].control.period_s
-    changes = {"horizon": file.vehicles[name].control.horizon, "integrators": False}
-    configuration = configured(file, name).changed(None, changes, None, {})
+    configuration = configured(file, name).changed(Tune(controller_settings={"integrators": False}))
     key = (model, period_s, repr(configuration))
     if key not in known:
         with errors_at(f"vehicles.{name}.control", ValueError):

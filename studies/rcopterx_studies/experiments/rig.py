@@ -28,7 +28,9 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard, without_guard
 from rcopterx.bus.codec import encode
+from rcopterx.bus.message import Parameters
 from rcopterx.bus.messages import LeaderLink, SchemeMessage
+from rcopterx.bus.requests import Tune
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
 from rcopterx.control.interfaces import Measurement
@@ -165,10 +167,10 @@ class Rig:
         self._logs[name] = FlightLog(self._vehicles[name].model.kind, PERIOD_S)
         return self._logs[name]
 
-    def use_model(self, name: str, parameters: Mapping[str, object]) -> None:
+    def use_model(self, name: str, parameters: Parameters) -> None:
         """Let a vehicle fly on with identified parameters, as agents do; `RigError` if it cannot."""
         tuning = self.tunings[name]
-        tuning.begin(without_guard(tuning.configuration).changed(None, {}, None, {}, parameters))
+        tuning.begin(without_guard(tuning.configuration).changed(Tune(model=parameters)))
         tuning.wait()
         if isinstance(outcome := tuning.finish(), ValueError):
             raise RigError(f"{name}: {outcome}")

@@ -320,7 +320,9 @@ def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
     bench.fly()
     bench.tuning.begin(
         bench.tuning.configuration.changed(
-            "cascade", {"effort_factors": [27.0, 1.0, 1.0], "horizon": 20}, None, {}
+            Tune(
+                controller="cascade", controller_settings={"effort_factors": (27.0, 1.0, 1.0), "horizon": 20}
+            )
         )
     )
     bench.tuning.wait()

@@ -8,6 +8,7 @@ from support.hovering import PERIOD_S, HoveringFlight
 
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.requests import Tune
 from rcopterx.vehicles.phases import Event
 
 BUMP = 0.3
@@ -100,14 +101,14 @@ def test_a_model_that_the_vehicle_cannot_have_is_refused(model: dict[str, object
 
 def test_weights_add_up_over_changes_and_another_controller_takes_only_the_horizon_over() -> None:
     configuration = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
-    changed = configuration.changed(None, {"input_weights": [1, 1, 1, 1]}, None, {})
-    changed = changed.changed(None, {"soft_weight": 1e4}, None, {})
+    changed = configuration.changed(Tune(controller_settings={"input_weights": (1, 1, 1, 1)}))
+    changed = changed.changed(Tune(controller_settings={"soft_weight": 1e4}))
     assert changed.controller_settings == {
         "horizon": 20, "input_weights": (1, 1, 1, 1), "soft_weight": 1e4,
     }  # fmt: skip
-    assert changed.changed("pid", {}, None, {}).controller_settings == {"horizon": 20}
-    assert changed.changed(None, {}, "extended_kalman", {}).estimator_settings == {}
-    assert changed.changed(None, {}, "kalman", {}).estimator_settings == {"position_gate_m": 0.1}
+    assert changed.changed(Tune(controller="pid")).controller_settings == {"horizon": 20}
+    assert changed.changed(Tune(estimator="extended_kalman")).estimator_settings == {}
+    assert changed.changed(Tune(estimator="kalman")).estimator_settings == {"position_gate_m": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -156,7 +157,7 @@ def test_the_loop_is_woken_when_a_change_is_ready() -> None:
     tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, woken.set)
     for weight, kind in ((2.0, str), (-1.0, ValueError)):
         woken.clear()
-        tuning.begin(tuning.configuration.changed(None, {"soft_weight": weight}, None, {}))
+        tuning.begin(tuning.configuration.changed(Tune(controller_settings={"soft_weight": weight})))
         assert woken.wait(20.0)
         assert isinstance(tuning.finish(), kind)
 

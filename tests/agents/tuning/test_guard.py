@@ -22,6 +22,7 @@ from rcopterx.agents.tuning.guard import (
     OscillationGuard,
     without_guard,
 )
+from rcopterx.bus.requests import Tune
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import U_THRUST, YAW
@@ -127,7 +128,7 @@ def drifted(factor: float, seconds: float, off_m: float) -> Watched:
     """A vehicle that flew beside its reference, with calm sticks and lowered bandwidth."""
     watched = Watched()
     watched.flight.tuning.configuration = watched.flight.tuning.configuration.changed(
-        None, {EFFORT_FACTORS: [factor, 1.0, 1.0]}, None, {}
+        Tune(controller_settings={EFFORT_FACTORS: (factor, 1.0, 1.0)})
     )
     watched.flight.pilot.estimate.motion[0] += off_m
     flown, place = watched.flight.flown[-1], watched.flight.pilot.estimate.motion[: YAW + 1].copy()
@@ -194,7 +195,7 @@ def test_on_the_floor_nothing_counts() -> None:
 
 def test_without_the_guard_a_configuration_keeps_everything_else() -> None:
     before = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
-    lowered = before.changed(None, {"effort_factors": [1.0, 1.0, 27.0]}, None, {})
+    lowered = before.changed(Tune(controller_settings={"effort_factors": (1.0, 1.0, 27.0)}))
     assert lowered.effort_factors == (1.0, 1.0, 27.0)
     assert before.effort_factors == (1.0, 1.0, 1.0)
     assert without_guard(lowered) == before
