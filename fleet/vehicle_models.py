@@ -23,7 +23,7 @@ def model_of(fleet: FleetFile, name: str) -> Model:
 
 
 def learning_models(fleet: FleetFile) -> dict[str, Model]:
-    """Return the models of the vehicles that learn: those that nobody has identified, unless forbidden."""
+    """Return the models of the vehicles that learn: those that were not identified, unless forbidden."""
     wanted = not fleet.clock.lockstep if fleet.learning is None else fleet.learning
     names = [name for name, vehicle in fleet.vehicles.items() if wanted and vehicle.learning]
     models = {name: model_of(fleet, name) for name in names}

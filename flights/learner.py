@@ -1,4 +1,4 @@
-"""The learner: fits models to the ordinary flight of the vehicles of a fleet, and lets them fly with these.
+"""The learner: fits models to the ordinary flight of the vehicles of a fleet, and sends these to them.
 
 It only listens, as the recorder does, and sends what it has found as a request to tune. Fits take seconds
 of a processor at the lowest priority; no process waits for them.
@@ -64,7 +64,7 @@ class LearningVehicle:
         self._statuses = session.subscribe(channels.AGENT_STATUS, name, waking=False)
 
     def update(self) -> None:
-        """Take what has arrived."""
+        """Process what has arrived."""
         for pose in self._poses.drain():
             self.flight.add_pose(pose.message)
         for applied in self._applied.drain():
@@ -83,7 +83,7 @@ class LearningVehicle:
         return self.flight.extent_m >= MOVED_M
 
     def use(self, parameters: Parameters, parts: tuple[str, ...], source: str) -> bool:
-        """Let the vehicle fly with a model, and say so; return whether it does."""
+        """Send a model to the vehicle, log the answer, and return whether the vehicle flies with it."""
         try:
             reply = self._session.request(self.name, Tune(model=parameters, learned=parts), TUNING_LIMIT_S)
         except RequestFailedError as error:
@@ -110,7 +110,7 @@ class Learner:
         self.vehicles = {name: LearningVehicle(name, settings, session) for name in settings.models}
 
     def step(self) -> None:
-        """Take what has arrived; fit what can be fitted, at most one formation at a time."""
+        """Process what has arrived; fit what can be fitted, at most one formation at a time."""
         for vehicle in self.vehicles.values():
             vehicle.update()
         flying = {name: vehicle for name, vehicle in self.vehicles.items() if vehicle.status is not None}

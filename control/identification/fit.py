@@ -86,7 +86,7 @@ def identify(
 ) -> Identification:
     """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited, or to several together.
 
-    Of an `ordinary` flight, which nobody watches for it, no gain beyond the uncertainty of the model is
+    Of an `ordinary` flight, which no person supervises, no gain beyond the uncertainty of the model is
     accepted: a vehicle that differs by more has a fault, or is of another type.
 
     Raises ValueError for less, a part shorter than `SHORTEST_PART_S`, or a flight of another type of vehicle.

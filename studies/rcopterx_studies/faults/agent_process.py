@@ -24,5 +24,5 @@ def kill_agent(file: FleetFile, vehicle: str) -> int:
                 os.kill(int(process.name), signal.SIGKILL)
                 return int(process.name)
         except OSError:
-            continue  # it is no process, has ended, or belongs to somebody else
+            continue  # it is no process, has ended, or belongs to another user
     raise FleetError(f"{file.name}: no agent of {vehicle} runs on this computer")
