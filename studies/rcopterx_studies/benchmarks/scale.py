@@ -36,7 +36,7 @@ FIRST_RING: Final = 9  # vehicles on the first ring; twice as many on the second
 MARGIN_M: Final = 0.45
 COUNTED_S: Final = 2.0  # for which messages are counted, after the flight: that takes time itself
 LEFT_OUT: Final = "control_left_out"  # fallback of agents that control at half rate
-ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
+ROLES: Final = ("router", "learner", "simulator", "tracker", "transmitters", "agent")
 WAKE_UPS: Final = "wake_ups"
 
 
