@@ -35,7 +35,6 @@ from rcopterx.transmitter_gateway.landing import Motion, Touchdown
 from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
 from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.standing import Standing
-from rcopterx.transmitter_gateway.still_pose import StillPose
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 from rcopterx.vehicles.lift_off import LiftOffProof, SeenPose
@@ -60,7 +59,6 @@ class Arbiter:
         self._limiter = OutputLimiter(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self.standing = Standing(vehicle, limits, self.pose_monitor.other_places)
-        self._still_pose = StillPose()
         self.lift_off = LiftOffProof(vehicle, limits.lift_off, limits.surveillance.trust_repeated_poses)
         self._link = LinkState.LOST
         self._arming = self._shutdown = False
@@ -114,24 +112,14 @@ class Arbiter:
         else:
             self._event_s = None
             airborne = self.state in FLYING and not self._grounded(now_s)
-            accepted = self.pose_monitor.own_pose(pose, now_s, airborne=airborne)
+            share = self.lift_off.share if self.limits.lift_off and self.lift_off.proved else None
+            accepted = self.pose_monitor.own_pose(pose, now_s, airborne=airborne, share=share)
             if airborne:
                 self.standing.restart()
             elif accepted:
                 self.standing.observe(pose, now_s)
             if pose.position_m is not None and self.pose_monitor.newest is pose:
                 self.lift_off.own(SeenPose(pose.position_m, pose.tilt_rad), now_s)
-            self._watch_answer(pose, now_s, airborne=airborne)
-
-    def _watch_answer(self, pose: PoseInput, now_s: float, *, airborne: bool) -> None:
-        """Distrust own poses that do not answer the thrust."""
-        proved = self.limits.lift_off is not None and self.lift_off.proved
-        if not airborne or not proved or pose.position_m is None:
-            self._still_pose.begin()
-        elif self.pose_monitor.newest is pose:
-            self._still_pose.own(pose.position_m[2], self.lift_off.share, now_s)
-            if self._still_pose.unanswered:
-                self.pose_monitor.distrust("own pose does not answer the thrust: another body?")
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
         """Take the state of port and module, and why it is not ready; it takes effect with the next step."""
@@ -200,7 +188,7 @@ class Arbiter:
         if problem is None:
             self.commanded = last.commanded
             self._limiter.take_over(last.u, last.hover_thrust)
-            self.lift_off.begin(proved=last.lifted)
+            self.lift_off.begin(proved=last.lifted, thrust=self._limiter.u[THRUST])
             distrust = "own pose jumped before a restart" if last.mistaken else None
             self.pose_monitor.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)

@@ -9,6 +9,7 @@ from msgspec import Struct
 from rcopterx.radios.limits import Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import PoseInput, Position
 from rcopterx.transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.still_pose import StillPose
 
 LONGEST_EXTRAPOLATION_S = 0.1
 DRIFT_M_S = 0.2  # drift of an unseen vehicle, left level, from where it would be...
@@ -59,12 +60,16 @@ class PoseMonitor:
         self._close: list[str] = []
         self._jumping_s: float | None = None  # for how long all poses have been rejected as jumps
         self._mistaken: str | None = None
+        self._still_pose = StillPose()
         self._stood_at_m: float | None = None
         self.newest: PoseInput | None = None
         self.epoch_since_s = -math.inf  # since when the own poses have their epoch
 
-    def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
-        """Take a pose of the own vehicle; return whether it is accepted, as any is on the floor."""
+    def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool, share: float | None = None) -> bool:
+        """Process a pose of the own vehicle; return whether it is accepted, as any is on the floor.
+
+        `share`: thrust that acts, as a share of the hover thrust, which an airborne vehicle has to answer.
+        """
         track = self.own_track
         rejection = self._check(pose, track, now_s)
         if rejection is not None:
@@ -80,6 +85,7 @@ class PoseMonitor:
             self.epoch_since_s = now_s
         self.newest = pose
         position = pose.position_m
+        self._watch_answer(position, share if airborne else None, now_s)
         if position is None:
             track.occluded = True
             self._counters["occluded pose"] += 1
@@ -96,6 +102,15 @@ class PoseMonitor:
         track.position_m, track.seen_s = position, now_s
         track.occluded, track.undelivered_s = False, 0.0
         return True
+
+    def _watch_answer(self, position: Position | None, share: float | None, now_s: float) -> None:
+        """Distrust poses that stay where they are while the thrust rises."""
+        if position is None or share is None:
+            self._still_pose.begin()
+            return
+        self._still_pose.own(position[2], share, now_s)
+        if self._still_pose.unanswered:
+            self._mistaken = self._mistaken or "own pose does not answer the thrust: another body?"
 
     def other_pose(self, pose: PoseInput, now_s: float) -> bool:
         """Take a pose of another vehicle; nothing of it is judged but its form and order."""
@@ -197,10 +212,6 @@ class PoseMonitor:
         """Begin with a vehicle in flight, floor unknown; `distrust` rejects own poses until it has landed."""
         self._stood_at_m = None
         self._mistaken = distrust
-
-    def distrust(self, reason: str) -> None:
-        """Reject own poses, which may be those of another body, until the vehicle has landed."""
-        self._mistaken = self._mistaken or reason
 
     @property
     def mistaken(self) -> bool:

@@ -9,10 +9,10 @@ import math
 from collections import deque
 from typing import Final
 
+from rcopterx.vehicles.lift_off import AVERAGED_S
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
 STILL_M: Final = 0.003  # a mean height so far from the last one has moved
-AVERAGED_S: Final = 0.045  # time of a mean
 USUAL_S: Final = 1.0  # time constant of the usual thrust, from which more is counted, and of the speed gained
 HEAVY_SHARE: Final = 1.15  # thrust that carries a heavy vehicle, as a share of the hover thrust of its model
 GAINED_M_S: Final = 0.4  # speed that it may have gained unseen
@@ -23,11 +23,12 @@ class StillPose:
     """Watches the height of a vehicle in the air."""
 
     def __init__(self) -> None:
+        self._newest: deque[tuple[float, float]] = deque()  # times and heights in the mean
         self.begin()
 
     def begin(self) -> None:
         """Begin: the vehicle stands, is not seen, or has not proved its lift-off."""
-        self._newest: deque[tuple[float, float]] = deque()
+        self._newest.clear()
         self._moved_m = self._usual = math.nan
         self._gained_m_s = 0.0
 

@@ -92,11 +92,11 @@ class LiftOffProof:
         self._vehicle, self._trust_repeated = vehicle, trust_repeated
         self.begin()
 
-    def begin(self, *, proved: bool = False) -> None:
-        """Begin: the vehicle stands with its rotor off, or flies (`proved`)."""
+    def begin(self, *, proved: bool = False, thrust: float = 0.0) -> None:
+        """Begin: the vehicle stands with its rotor off, or flies (`proved`) under a thrust that acts."""
         self.proved = self._clear = proved or not self._bounded
         self.problem: str | None = None
-        self._acting = 0.0  # thrust after the rotor's lag
+        self._acting = thrust  # after the rotor's lag
         self._stands: SeenPose | None = None
         self._newest: deque[tuple[float, Three]] = deque()
         self._changed_s = -math.inf
@@ -147,15 +147,13 @@ class LiftOffProof:
         self._acting -= math.expm1(-elapsed_s / self._limits.rotor_lag_s) * (applied - self._acting)
         if self._clear:
             return
-        excess = self._acting / self._limits.hover_thrust - 1.0
-        self._unseen_m_s += GRAVITY_M_S2 * excess * elapsed_s
+        self._unseen_m_s += GRAVITY_M_S2 * (self.share - 1.0) * elapsed_s
         self._unseen_m += self._unseen_m_s * elapsed_s
         if self._unseen_m <= 0.0:
             self._unseen_m, self._unseen_m_s = 0.0, max(self._unseen_m_s, 0.0)
         if self.problem is not None:
             self._sunk_s += elapsed_s
-            share = self._acting / self._limits.hover_thrust
-            self._braked = self._braked or braked(self._unseen_m_s, share, self._limits.rotor_lag_s)
+            self._braked = self._braked or braked(self._unseen_m_s, self.share, self._limits.rotor_lag_s)
         elif self._rise_m < ROSE_M and self._unseen_m_s > UNSEEN_M_S:
             self._end(NOT_RISEN)
 

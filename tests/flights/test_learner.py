@@ -122,7 +122,7 @@ def test_a_formation_learns_together_and_its_models_are_kept(tmp_path: Path) -> 
         {"model": {"delay_s": 0.03}},
         {"late_share": 0.5},
     ],
-    ids=["lands", "flown from outside", "identified by somebody", "computer without room"],
+    ids=["lands", "flown from outside", "identified on request", "computer without room"],
 )
 def test_nothing_is_learned_of_a_vehicle_that(tmp_path: Path, values: dict[str, Any]) -> None:
     fleet = Fleet(tmp_path, {"h1": COAXIAL})

@@ -16,6 +16,7 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
+from rcopterx.vehicles.lift_off import LiftOffLimits
 
 LAST_FLYING = LastApplied(
     State.ARMED, (0.1, 0.0, 0.56, 0.0), 9.6, lease=5, issued=6, hover_thrust=0.55, commanded=True, ready=True
@@ -64,6 +65,20 @@ def test_the_earlier_agent_flies_on_with_its_next_command_and_nobody_before_it_d
     command(arbiter, LAST_FLYING.lease - 1, NOW_S + 0.01)
     assert arbiter.state is State.DESCEND
     command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
+    assert arbiter.state is State.ARMED
+
+
+def test_a_still_vehicle_with_an_empty_battery_is_not_taken_for_another_body_after_a_restart() -> None:
+    weak = 0.8  # thrust that carries it now
+    arbiter = Arbiter("h1", ArbiterLimits(lift_off=LiftOffLimits(hover_thrust=U_HOVER)), U_HOVER, SLEW)
+    arbiter.link(LinkState.READY)
+    assert take_over(arbiter, u=(0.0, 0.0, weak, 0.0), hover_thrust=weak).accepted
+    for number in range(100):
+        now_s = NOW_S + 0.02 * number
+        place = (0.0, 0.0, 0.8 + 1e-4 * (number % 3))
+        arbiter.pose(PoseInput("h1", 7, 100 + number, place, 0.02), now_s)
+        arbiter.command(CommandInput(5, 7, 1 + number, 100 + number, (0.0, 0.0, weak, 0.0)), now_s)
+        arbiter.step(now_s)
     assert arbiter.state is State.ARMED
 
 
