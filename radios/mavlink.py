@@ -11,14 +11,13 @@ from pymavlink.quaternion import QuaternionBase
 from rcopterx.radios.mavlink_parameters import ParameterCheck
 from rcopterx.radios.mavlink_poses import vision_pose
 from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
-from rcopterx.radios.mavlink_state import AutopilotState
+from rcopterx.radios.mavlink_state import REPORTS, AutopilotState
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import AttitudeSetPoint, SetPointRadio
 
 HEARTBEAT_S = 0.5
 REQUEST_S = 0.25  # commands are repeated so often until they are obeyed
 REFUSED_S = 1.0  # from a disarming that is refused until it is forced, on the floor
-ATTITUDE_INTERVAL_US, STATUS_INTERVAL_US = 20_000, 1_000_000
 FORCE = 21_196  # third word of a command to disarm: also in flight
 LARGEST_LEAD_RAD = 0.5  # of the heading of set points before that of the vehicle
 PACKETS_REMEMBERED = 300
@@ -128,11 +127,10 @@ class MavlinkProtocol(SetPointRadio):
         """
         state = self._state
         packets = []
-        if not state.sees_attitude(self._now_s):
-            interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-            packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_INTERVAL_US))
-            packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_SYS_STATUS, STATUS_INTERVAL_US))
-        elif not self._armed:
+        for report, (number, interval_us, _) in REPORTS.items():
+            if not state.sees(report, self._now_s):
+                packets.append(self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us))
+        if not self._armed and state.sees("ATTITUDE", self._now_s):
             for name in self._parameters.wanted():
                 request = mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
                 packets.append(self._packed(request))

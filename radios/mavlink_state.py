@@ -11,6 +11,10 @@ from rcopterx.radios.protocol import FrameDecodeError
 
 SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
 SILENT_S = 1.0
+REPORTS = {  # on request: number, interval [us], and after how long one is missing [s]
+    "ATTITUDE": (mavlink.MAVLINK_MSG_ID_ATTITUDE, 20_000, SILENT_S),
+    "SYS_STATUS": (mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1_000_000, 3.0),
+}
 HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
 NO_VOLTAGE = 65_535
 UNEXPLAINED = "MAV_RESULT"
@@ -27,6 +31,12 @@ MODE_NAMES = {(ARDUPILOT, number): name for number, name in enumerate(_COPTER_MO
 LONGEST_TEXT = 50  # of one packet; a shorter one is the last part
 TEXT_S = 2.0  # a text explains what happens so long before or after it
 REPEATED_S = 35.0  # ArduPilot repeats what forbids to arm every 30 s
+COMPONENTS = {  # what every mode needs; a position or a remote control it may do without
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO: "gyroscope",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL: "accelerometer",
+    mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS: "motors",
+    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "battery",
+}
 
 
 class StatusTexts:
@@ -82,14 +92,15 @@ class AutopilotState:
         self._texts, self._said = StatusTexts(), deque[tuple[float, str]](maxlen=4)
         self._mode_reason, self._mode_s, self._refused_s = "", -math.inf, -math.inf
         self.refused_since_s = math.inf
-        self._refuses_to_arm = False
+        self._refuses_to_arm, self._failing = False, ""
         self._autopilot = mode.autopilot
-        self._claimed_s = self._heartbeat_s = self._attitude_s = -math.inf
+        self._claimed_s = self._heartbeat_s = -math.inf
+        self._seen_s = dict.fromkeys(REPORTS, -math.inf)
 
     def resume(self, now_s: float) -> None:
         """Assume that it flies and obeys, as if it had just reported it."""
         self.armed = self.obeys = True
-        self._heartbeat_s = self._attitude_s = now_s
+        self._heartbeat_s = self._seen_s["ATTITUDE"] = now_s
 
     def take(self, message: Any, now_s: float) -> None:
         """Keep a report of the autopilot; raises `FrameDecodeError` for a number that is not finite."""
@@ -106,8 +117,9 @@ class AutopilotState:
                 attitude_rad = (message.roll, message.pitch, message.yaw)
                 if not all(map(math.isfinite, attitude_rad)):
                     raise FrameDecodeError("mavlink: an attitude that is not finite")
-                self.attitude_rad, self._attitude_s = attitude_rad, now_s
+                self.attitude_rad, self._seen_s["ATTITUDE"] = attitude_rad, now_s
             case "SYS_STATUS":
+                self._seen_s["SYS_STATUS"] = now_s
                 self._judge_health(message)
                 reported = message.voltage_battery != NO_VOLTAGE
                 self.voltage_v = 0.001 * message.voltage_battery if reported else None
@@ -117,9 +129,7 @@ class AutopilotState:
 
     def _explain(self, text: str, now_s: float) -> None:
         """Keep a warning, which may belong to what happens soon or has just happened."""
-        text = " ".join(
-            "".join(one if one.isprintable() else " " for one in text).split()
-        )  # PX4 ends with a tab
+        text = " ".join("".join(one if one.isprintable() else " " for one in text).split())
         self._said.append((now_s, text))
         if self.complaint.startswith(UNEXPLAINED) and now_s <= self._refused_s + TEXT_S:
             self.complaint = text
@@ -149,19 +159,23 @@ class AutopilotState:
     def _judge_health(self, message: Any) -> None:
         """Note the result of the checks before arming.
 
-        ArduPilot says whether its checks are enabled. PX4 does not, and reports the checks of its present
-        mode, which count only in the mode that obeys set points.
+        ArduPilot says whether they are enabled. PX4 does not, and reports those of its present mode: in
+        another one than that of set points they count if what every mode needs is unhealthy.
         """
-        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        judged = self.obeys if self._autopilot == PX4 else message.onboard_control_sensors_enabled & bit
-        self._refuses_to_arm = bool(judged) and not message.onboard_control_sensors_health & bit
+        bit, health = mavlink.MAV_SYS_STATUS_PREARM_CHECK, message.onboard_control_sensors_health
+        unhealthy = message.onboard_control_sensors_enabled & ~health
+        self._failing = " and ".join(name for sensor, name in COMPONENTS.items() if unhealthy & sensor)
+        judged = self.obeys or self._failing if self._autopilot == PX4 else unhealthy & bit
+        self._refuses_to_arm = bool(judged) and not health & bit
 
     def arming_problem(self, now_s: float) -> str | None:
-        """Why it would refuse to arm by its own checks; None if it would not, or reports none."""
+        """Why it would refuse to arm by its own checks; None if it would not."""
+        if not self.sees("SYS_STATUS", now_s):
+            return "no SYS_STATUS from the autopilot, which has the result of its checks"
         if not self._refuses_to_arm:
             return None
-        reason = self.complaint or self._said_since(now_s - REPEATED_S) or "its own checks fail"
-        return f"the autopilot would refuse to arm: {reason}"
+        reason = self._said_since(now_s - REPEATED_S) or self.complaint
+        return f"the autopilot would refuse to arm: {reason or self._failing or 'its own checks fail'}"
 
     @property
     def other_mode(self) -> str:
@@ -169,9 +183,9 @@ class AutopilotState:
         name = MODE_NAMES.get((self._autopilot, self._reported), "of a pilot or a failsafe")
         return f"mode {name} ({self._reported})" + (f": {self._mode_reason}" if self._mode_reason else "")
 
-    def sees_attitude(self, now_s: float) -> bool:
-        """Whether attitudes arrive."""
-        return now_s - self._attitude_s <= SILENT_S
+    def sees(self, report: str, now_s: float) -> bool:
+        """Whether one of `REPORTS` arrives."""
+        return now_s - self._seen_s[report] <= REPORTS[report][2]
 
     def problem(self, now_s: float) -> str | None:
         """Why it cannot be flown, apart from its mode; None if it can."""
@@ -180,7 +194,7 @@ class AutopilotState:
         silent_s = now_s - self._heartbeat_s
         if silent_s > HEARTBEAT_GONE_S:
             return f"vehicle gone: no heartbeat for {silent_s:.1f} s"
-        if not self.sees_attitude(now_s):
+        if not self.sees("ATTITUDE", now_s):
             return "no attitude from the autopilot"
         if self._autopilot != self._mode.autopilot:
             return "the autopilot does not have the mode of transmitter.settings"

@@ -35,11 +35,6 @@ HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to h
 SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
 LANDED_S: Final = 2.5  # on the floor with low throttle, until PX4 detects the landing
-PARAMETERS: Final = {
-    True: {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0},
-    False: {"COM_OF_LOSS_T": LOSS_S},
-}
-"""Those that depend on no setting, by whether it is an ArduPilot; it does not answer for unknown ones."""
 NORTH_RAD: Final = 1.0  # heading of the x axis of the laboratory: north is zero for an autopilot
 FULL_V: Final = 16.8
 EMPTY_V: Final = 14.0
@@ -57,21 +52,23 @@ class EmulatedAutopilot(UdpVehicle):
 
     `armed` and `mode`: as its heartbeat reports them. `terminated`: whether its flight was terminated, which
     only a restart ends. `rejected`: packets that it ignored, by reason. `settings`: how set points become the
-    pulse widths that the simulated vehicle gets, and its system id. `parameters` that it has.
+    pulse widths that the simulated vehicle gets, and its system id. `parameters` that it has;
+    others it does not answer. `flown_s`: time armed with this battery.
     """
 
     def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:
         super().__init__(deque(maxlen=FRAME_LOG_LENGTH))
         self._settings = settings
         self._obeying = MODES[settings.mode]
+        self._ardupilot = self._obeying.autopilot == ARDUPILOT
+        self._located = self._ardupilot or settings.external_pose or bool(settings.pose_port)
         self.rejected: Counter[str] = Counter()
-        self.parameters = {**PARAMETERS[self._ardupilot]}
-        if self._ardupilot:
-            self.parameters |= {
-                "MAV_GCS_SYSID": float(settings.own_system), "ATC_ANGLE_MAX": settings.full_tilt_deg,
-            }  # fmt: skip
-        else:
-            self.parameters["MC_YAWRATE_MAX"] = settings.full_yaw_rate_deg_s
+        self.parameters = {
+            "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
+            "MAV_GCS_SYSID": float(settings.own_system), "ATC_ANGLE_MAX": settings.full_tilt_deg,
+        } if self._ardupilot else {
+            "COM_OF_LOSS_T": LOSS_S, "MC_YAWRATE_MAX": settings.full_yaw_rate_deg_s,
+        }  # fmt: skip
         self._height_m, self._attitude_rad = 0.0, (0.0, 0.0, NORTH_RAD)
         self._heading = HeadingControl(self._obeying.autopilot, math.radians(settings.full_yaw_rate_deg_s))
         self.power_cycle(start_s)
@@ -83,8 +80,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.powered, self.armed, self.terminated = True, False, False
         self.mode = HOLDING[self._obeying.autopilot]
         self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
-        self._flown_s, self._booted_s, self._failed_s = 0.0, now_s, -math.inf
-        self._complains_s = now_s + 1.0
+        self.flown_s, self._booted_s, self._failed_s, self._complains_s = 0.0, now_s, -math.inf, now_s + 1.0
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
         self._set_point, self._heading_rad, self._hover = AttitudeSetPoint(), 0.0, 0.5
         self._landed_s: float | None = -math.inf  # since when it stands with low throttle; None in flight
@@ -173,17 +169,8 @@ class EmulatedAutopilot(UdpVehicle):
                 self._periods_s[round(first)], self._due_s[round(first)] = 1e-6 * packet.param2, now_s
             case _:
                 return mavlink.MAV_RESULT_UNSUPPORTED, ""
-        return (self._refused if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
-
-    @property
-    def _ardupilot(self) -> bool:
-        return self._obeying.autopilot == ARDUPILOT
-
-    @property
-    def _refused(self) -> int:
-        rejected: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-        failed: int = mavlink.MAV_RESULT_FAILED
-        return failed if self._ardupilot else rejected
+        refused = mavlink.MAV_RESULT_FAILED if self._ardupilot else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        return (refused if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
 
     @property
     def _landed(self) -> bool:
@@ -211,19 +198,21 @@ class EmulatedAutopilot(UdpVehicle):
             return "Arming denied: thrust is not zero"
         if not on and not force and not self._landed:
             return "Disarming denied: not landed"
-        self.armed = on
-        self._landed_s = -math.inf
+        self.armed, self._landed_s = on, -math.inf
         return ""
 
     def _check(self) -> str:
         """Return why the checks before arming fail in the present mode."""
         if self.terminated:
             return "Arming denied: flight terminated, restart it"
-        if self._flown_s >= ENDURANCE_S:
+        if self.flown_s >= ENDURANCE_S:
             return "Arming denied: battery low"
         if self._ardupilot and self._advanced_s < self._booted_s + CONSISTENT_S:
             return "Arm: Accels inconsistent"
-        return "Arming denied: no offboard signal" if self._obeys and not self._streams else ""
+        if self._obeys:
+            return "" if self._streams else "Arming denied: no offboard signal"
+        # Other modes of PX4 need a position.
+        return "" if self._located else "Arming denied: Resolve system health failures first\t"
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
@@ -254,10 +243,11 @@ class EmulatedAutopilot(UdpVehicle):
                 round(1000 * self._advanced_s) % 2**32, *self._attitude_rad, 0.0, 0.0, 0.0
             )
         if number == mavlink.MAVLINK_MSG_ID_SYS_STATUS:
-            share = max(1.0 - self._flown_s / ENDURANCE_S, 0.0)
+            share = max(1.0 - self.flown_s / ENDURANCE_S, 0.0)
             voltage_mv = round(1000 * (EMPTY_V + (FULL_V - EMPTY_V) * share))
-            bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-            enabled, healthy = bit * self._ardupilot, bit * (not self._check())
+            bit, battery = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+            enabled = battery | bit * self._ardupilot
+            healthy = bit * (not self._check()) | battery * (share > 0)
             return mavlink.MAVLink_sys_status_message(
                 enabled, enabled, healthy, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
             )
@@ -276,7 +266,7 @@ class EmulatedAutopilot(UdpVehicle):
     def advance(self, now_s: float) -> None:
         """Apply the age of set points until `now_s`, and control the heading."""
         elapsed_s = max(now_s - self._advanced_s, 0.0)
-        self._flown_s += self.armed * elapsed_s
+        self.flown_s += self.armed * elapsed_s
         if self.armed and self._obeys and self._height_m > FLYING_M:
             rate_rad_s = math.radians(self._set_point.yaw_rate_deg_s)
             self._heading.advance(self._heading_rad, rate_rad_s, elapsed_s)

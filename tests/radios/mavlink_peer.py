@@ -46,6 +46,7 @@ class Peer:
             self.report(self.link.param_value_encode(name.encode(), value, 9, len(parameters), 0))
         if yaw_rad is not None:
             self.attitude(yaw_rad)
+            self.summary(65535)
 
     def report(self, message: Any) -> None:
         self.protocol.receive(message.pack(self.link), self.now_s)
@@ -57,6 +58,10 @@ class Peer:
     def heartbeat(self, *, armed: bool = False, mode: int = 0, autopilot: int = PX4) -> None:
         flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         self.report(self.link.heartbeat_encode(mavlink.MAV_TYPE_QUADROTOR, autopilot, flags, mode, 0))
+
+    def summary(self, voltage_mv: int = 16_000, enabled: int = 0, health: int = 0) -> None:
+        words = (0, enabled, health, 0, voltage_mv, -1, -1, 0, 0, 0, 0, 0, 0)
+        self.report(self.link.sys_status_encode(*words))
 
     def answer(self, command: int, result: int = mavlink.MAV_RESULT_ACCEPTED) -> None:
         self.report(self.link.command_ack_encode(command, result))

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import MavlinkProtocol
 from rcopterx.radios.mavlink_parameters import TRIES
-from rcopterx.radios.mavlink_state import HEARTBEAT_GONE_S, SILENT_S
+from rcopterx.radios.mavlink_state import HEARTBEAT_GONE_S, REPEATED_S, SILENT_S
 
 
 @pytest.mark.parametrize(
@@ -73,15 +73,78 @@ def test_silence_is_noticed() -> None:
     peer.attitude(0.0)
     assert peer.text == "vehicle gone: no heartbeat for 3.1 s"
     peer.heartbeat()
+    assert peer.text == "no SYS_STATUS from the autopilot, which has the result of its checks"
+    peer.summary()
     assert peer.ready
+
+
+PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+GYRO, ACCEL = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+BATTERY, GPS = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, mavlink.MAV_SYS_STATUS_SENSOR_GPS
+OFFBOARD_MODE, REFUSES = 6 << 16, "the autopilot would refuse to arm: "
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "enabled", "health", "words"),
+    [
+        (ARDUPILOT, 0, PREARM, 0, REFUSES + "its own checks fail"),
+        (ARDUPILOT, 0, PREARM | BATTERY, 0, REFUSES + "battery"),
+        (ARDUPILOT, 0, PREARM, PREARM, "ready"),
+        (ARDUPILOT, 0, 0, 0, "ready"),
+        # PX4 never enables the bit of its checks, and in hold they fail without a position.
+        (PX4, OFFBOARD_MODE, 0, 0, REFUSES + "its own checks fail"),
+        (PX4, OFFBOARD_MODE, 0, PREARM, "ready"),
+        (PX4, 0, GPS, 0, "ready"),
+        (PX4, 0, BATTERY | GYRO | ACCEL, GYRO | ACCEL, REFUSES + "battery"),
+        (PX4, 0, BATTERY | GYRO | ACCEL, BATTERY, REFUSES + "gyroscope and accelerometer"),
+        (PX4, 0, BATTERY, PREARM, "ready"),
+    ],
+)
+def test_an_autopilot_that_would_refuse_to_arm_is_not_ready_and_says_why(
+    autopilot: int, mode: int, enabled: int, health: int, words: str
+) -> None:
+    peer = Peer(mode="guided" if autopilot == ARDUPILOT else "offboard")
+    peer.heartbeat(autopilot=autopilot, mode=mode)
+    peer.summary(16_000, enabled, health)
+    assert peer.text.startswith(words)
+    assert peer.ready is (words == "ready")
+
+
+def test_the_newest_text_of_failed_checks_is_the_reason() -> None:
+    peer = Peer(mode="guided")
+    peer.heartbeat(autopilot=ARDUPILOT)
+    peer.summary(16_000, PREARM | BATTERY, 0)
+    for text in ("PreArm: Accels inconsistent", "PreArm: Battery 1 below minimum arming voltage"):
+        peer.now_s += REPEATED_S + 1.0
+        peer.report(peer.link.statustext_encode(mavlink.MAV_SEVERITY_CRITICAL, text.encode()))
+        peer.heartbeat(autopilot=ARDUPILOT)
+        peer.attitude(0.0)
+        peer.summary(16_000, PREARM | BATTERY, 0)
+        assert peer.text == REFUSES + text
+
+
+def test_reports_that_do_not_arrive_are_requested_each_until_they_do() -> None:
+    def requested() -> set[int]:
+        return {
+            each.param1
+            for _ in range(20)
+            for each in peer.frame(LOW)
+            if each.get_type() == "COMMAND_LONG" and each.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        }
+
+    peer = Peer(None)
+    assert requested() == {mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_SYS_STATUS}
+    peer.attitude(0.0)
+    assert requested() == {mavlink.MAVLINK_MSG_ID_SYS_STATUS}
+    peer.summary()
+    assert requested() == set()
 
 
 def test_the_status_has_voltage_and_the_share_of_packets_that_arrived() -> None:
     peer = Peer()
     peer.heartbeat()
-    peer.report(peer.link.sys_status_encode(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0))
     assert peer.text == "ready, link 100 %"
-    peer.report(peer.link.sys_status_encode(0, 0, 0, 0, 15_430, -1, -1, 0, 0, 0, 0, 0, 0))
+    peer.summary(15_430)
     peer.link.seq = (peer.link.seq + 4) % 256
     peer.attitude(0.0)
     peer.attitude(0.0)

@@ -104,6 +104,8 @@ def test_it_arms_without_thrust_with_a_stream_and_with_a_battery() -> None:
     assert station.command(ARM, 0) == (ACCEPTED, "")
     assert station.command(ARM, 1) == (REJECTED, "Arming denied: battery low")
     station.vehicle.power_cycle(station.now_s)
+    assert station.command(ARM, 1)[1].startswith("Arming denied: Resolve system health failures first")
+    station.offboard()
     assert station.command(ARM, 1) == (ACCEPTED, "")
 
 

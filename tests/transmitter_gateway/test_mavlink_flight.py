@@ -11,6 +11,7 @@ from rcopterx.radios.mavlink import MavlinkProtocol
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import (
     CONSISTENT_S,
+    ENDURANCE_S,
     GCS_LOSS_S,
     LAND,
     LANDING,
@@ -153,6 +154,17 @@ def test_an_ardupilot_that_has_just_booted_is_not_ready_and_says_why() -> None:
     assert not bench.request(Action.ARM)
     assert bench.module == "the autopilot would refuse to arm: PreArm: Accels inconsistent"
     bench.fly()
+
+
+def test_a_px4_with_an_empty_battery_is_not_ready_in_the_mode_of_its_start() -> None:
+    bench = Bench()
+    bench.run(3.0, 0.0)
+    assert bench.module.startswith("ready")
+    bench.vehicle.flown_s = ENDURANCE_S
+    bench.run(1.2, 0.0)
+    assert bench.vehicle.mode == LOITER
+    assert not bench.request(Action.ARM)
+    assert bench.module == "the autopilot would refuse to arm: battery"
 
 
 def test_an_ardupilot_whose_gateway_dies_keeps_its_tilt_then_hovers_level_then_lands() -> None:
