@@ -1,77 +1,39 @@
 """Emulated firmware of a Crazyflie between radio and motors (behaviour: crazyflie-firmware, supervisor)."""
 
 import math
-import struct
 from collections import Counter, deque
 from typing import Final
-from zlib import crc32
-
-from msgspec import structs
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import LOG
-from rcopterx.radios.crtp import LONGEST_DATA, Packet
+from rcopterx.radios.crtp import LONGEST_DATA
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie_log import ENDURANCE_S, CrazyflieLog
+from rcopterx.simulator.crazyflie_supervisor import PERIOD_S, STANDING_G, Supervisor
+from rcopterx.simulator.first_order_plant import thrust_acceleration
+from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
+from rcopterx.vehicles.state import GRAVITY_M_S2
 
 PROTOCOL_VERSION: Final = 12
-IDENTITY: Final = b"Bitcraze Crazyflie".ljust(LONGEST_DATA, b"\0")
-BYTE: Final = 0x08
-TABLE: Final = ((b"stabilizer\0estimator\0", 2), (b"stabilizer\0controller\0", 1))
-"""Names and values of the parameters, all of a byte."""
-
-
-def served(packet: Packet) -> Packet | None:
-    """Return the answer to a request; None for one that is unknown."""
-    data = packet.data
-    answer: bytes | None = None
-    match (packet.port, packet.channel, data[:1]):
-        case (15, 0, _):
-            answer = data
-        case (15, 1, _):
-            answer = IDENTITY
-        case (13, 1, b"\0"):
-            answer = bytes((0, PROTOCOL_VERSION))
-        case (2, 0, b"\3"):
-            answer = struct.pack("<BHI", 3, len(TABLE), crc32(repr(TABLE).encode()))
-        case (2, 0, b"\2") if len(data) == 3 and (item := _item(data[1:])) is not None:
-            answer = data + bytes((BYTE,)) + TABLE[item][0]
-        case (2, 1, _) if len(data) == 2 and (item := _item(data)) is not None:
-            answer = data + bytes((0, TABLE[item][1]))
-        case (4, 0, b"\1"):
-            answer = b"\1\0"
-    return None if answer is None else Packet(packet.port, packet.channel, answer)
-
-
-def _item(raw: bytes) -> int | None:
-    item = int.from_bytes(raw, "little")
-    return item if item < len(TABLE) else None
-
-
-LEVEL_AFTER_S: Final = 0.5
-STOP_AFTER_S: Final = 2.0
-WATCHDOG_S: Final = 1.0
+ARMING: Final = crtp.arm_request(on=False), crtp.arm_request(on=True)
 BOOT_S: Final = 2.0  # from a restart by radio to the first answer
-SPIN_UP_S: Final = 0.3  # of motors that are checked before a brushless vehicle can fly
-SPIN_UP_LIMIT_S: Final = 2.0
-STANDING_S: Final = 30.0  # so long a vehicle that can fly and does not stays armed
-CHECKS_S: Final = 0.3  # from then on, until it can be armed again
-BLOCKED: Final = b"SUP: M3 arming RPM check (3000-12000rpm) [FAIL]\n"
-LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST  # less is nothing
+STATES_OF_START: Final = 4  # until it is armed, or can be
+BLOCKED: Final = b"SUP: M3 arming RPM check (1000-3500rpm) [FAIL]\n"
+LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST  # less is nothing: `MIN_THRUST`
+IDLE_THRUST: Final = 7000 / crtp.FULL_THRUST  # of a brushless one: `MOTORS_DEFAULT_IDLE_THRUST`
 
 
 class Crazyflie(UdpVehicle):
     """The firmware of one vehicle, without any port or clock.
 
-    `state`: what the supervisor reports. `motors_run`: whether the motors get thrust. `rejected`: packets
-    that the firmware ignored, by reason. `settings`: how set points become the pulse widths that the
-    simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless ones wait for a request.
-    `blocked`: whether a motor of a brushless one cannot turn. `spin_ups`: how often its motors were armed.
-    `flown_s`: for how long the motors have run with this battery, which then ends.
+    `state`: what the supervisor reports. `supervisor`: decides whether motors may run. `motors_run`: whether
+    they get thrust. `rejected`: packets that the firmware ignored, by reason. `settings`: how set points
+    become the pulse widths that the simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless
+    ones wait for a request. `flown_s`: for how long the motors have run with this battery, which then ends.
     """
 
     def __init__(
@@ -81,24 +43,26 @@ class Crazyflie(UdpVehicle):
         self._settings = settings
         self._arms_itself = arms_itself
         self.rejected: Counter[str] = Counter()
-        self.motors_run = self.blocked = False
-        self.spin_ups = 0
+        self.motors_run = False
         self.power_cycle(start_s)
 
     def power_cycle(self, now_s: float) -> None:
         """Start anew with a full battery, which ends every stop."""
         self.powered = True
-        self._log = CrazyflieLog()
-        self.flown_s = 0.0
+        self._log, self.flown_s = CrazyflieLog(), 0.0
         self._console: deque[crtp.Packet] = deque()
-        self._stood_s = now_s
-        self._checked_s = math.inf
-        self._change(armed=self._arms_itself)
-        self._unlocked = False
-        self._set_point = AttitudeSetPoint()
-        self._received_s = self._fed_s = math.inf
+        self._unlocked = self._restarts = False
+        self._set_point, self._received_s = AttitudeSetPoint(), -math.inf
         self._advanced_s = self._running_s = now_s
-        self._restarts = False
+        self._sensed: tuple[float, ...] | None = None
+        self._next_s = now_s - STATES_OF_START * PERIOD_S
+        self.supervisor = Supervisor(self._next_s, arms_itself=self._arms_itself)
+        self._supervise(now_s)
+
+    @property
+    def state(self) -> crtp.SupervisorState:
+        """As the supervisor reports it."""
+        return self.supervisor.report
 
     def switch_off(self) -> None:
         """Take the battery out."""
@@ -113,8 +77,7 @@ class Crazyflie(UdpVehicle):
         if raw == crtp.NULL_PACKET:
             return [crtp.NULL_PACKET]
         try:
-            packet = crtp.Packet.from_bytes(raw)
-            answers = self._obey(packet, now_s)
+            answers = self._obey(crtp.Packet.from_bytes(raw), now_s)
         except FrameDecodeError as error:
             self.rejected[str(error)] += 1
             return []
@@ -124,32 +87,30 @@ class Crazyflie(UdpVehicle):
         return [answer.to_bytes() for answer in answers]
 
     def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
-        if packet.port == crtp.COMMANDER:
-            self._take(crtp.set_point_of(packet), now_s)
-            return []
-        if packet == crtp.STATE_REQUEST:
-            return [self.state.packet()]
-        if packet == crtp.WATCHDOG:
-            self._fed_s = now_s
-            return []
-        if packet == crtp.EMERGENCY_STOP:
-            self._lock(now_s)
-            return []
-        if packet == crtp.RECOVERY:
-            if not self.state.tumbled:
-                self._change(armed=self._arms_itself)
-            return []
-        if packet in crtp.RESTART:
-            self._restart(now_s, packet)
-            return []
-        if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
-            return [logged]
-        if (answer := served(packet)) is not None:
-            return [answer]
-        for on in (False, True):
-            if packet == crtp.arm_request(on=on):
-                return [self._arm(now_s, on=on, answer=packet)]
-        raise FrameDecodeError(f"crazyflie: no such port or command: {packet.port}, {packet.channel}")
+        supervisor, port, channel = self.supervisor, packet.port, packet.channel
+        match packet:
+            case crtp.Packet(port=crtp.COMMANDER):
+                self._take(crtp.set_point_of(packet), now_s)
+            case crtp.WATCHDOG:
+                supervisor.fed_s = now_s
+            case crtp.EMERGENCY_STOP:
+                supervisor.stops = True
+            case crtp.RECOVERY:
+                supervisor.crashed = self.state.crashed and self.state.tumbled
+            case crtp.STATE_REQUEST:
+                return [self.state.packet()]
+            case crtp.VERSION_REQUEST:
+                return [crtp.Packet(port, channel, bytes((0, PROTOCOL_VERSION)))]
+            case _ if packet in crtp.RESTART:
+                self._restart(now_s, packet)
+            case _ if packet in ARMING:
+                done = supervisor.request_arming(on=packet == ARMING[True])
+                return [crtp.Packet(port, channel, bytes((crtp.ANSWERED | crtp.ARM, done, supervisor.armed)))]
+            case _ if port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
+                return [logged]
+            case _:
+                raise FrameDecodeError(f"crazyflie: no such port or command: {port}, {channel}")
+        return []
 
     def _restart(self, now_s: float, packet: crtp.Packet) -> None:
         """Restart with the second of two packets; the battery keeps its charge."""
@@ -165,83 +126,45 @@ class Crazyflie(UdpVehicle):
         pulses_us = self._settings.pulses_us(set_point, armed=self.state.armed)
         self.frames.append(SerialFrame(now_s, pulses_us, kill=self.state.locked))
 
-    def _arm(self, now_s: float, *, on: bool, answer: crtp.Packet) -> crtp.Packet:
-        if not (self.state.locked or self.state.crashed or self.state.armed is on) and (
-            not on or self.state.can_be_armed
-        ):
-            self._change(armed=on or self._arms_itself, spins_up=on)
-            self.spin_ups += on
-            self._stood_s = now_s
-        done = self.state.armed is on
-        data = bytes((crtp.ANSWERED | crtp.ARM, done, self.state.armed))
-        return crtp.Packet(answer.port, answer.channel, data)
-
-    def _change(self, *, armed: bool, locked: bool = False, spins_up: bool = False) -> None:
-        self.state = crtp.SupervisorState(
-            can_be_armed=not armed and not locked,
-            armed=armed,
-            arms_itself=self._arms_itself,
-            can_fly=armed and not spins_up,
-            locked=locked,
-        )
-
-    def _spun_up(self, now_s: float) -> None:
-        if self.state.armed and not self.blocked:
-            self.state = structs.replace(self.state, can_fly=True)
-            self._stood_s = now_s
-
-    def _fall_back(self, now_s: float) -> None:
-        """End an arming that did not lead to a flight."""
-        if self.state.armed and not self.motors_run:
-            if not self.state.can_fly:
-                self._console.append(crtp.Packet(crtp.CONSOLE, 0, BLOCKED[:LONGEST_DATA]))
-                self._console.append(crtp.Packet(crtp.CONSOLE, 0, BLOCKED[LONGEST_DATA:]))
-            self.state = crtp.SupervisorState(arms_itself=self._arms_itself)
-            self._checked_s = now_s + CHECKS_S
-
-    def _pass_checks(self, now_s: float) -> None:
-        if not (self.state.armed or self.state.locked or self.state.crashed):
-            self._change(armed=self._arms_itself)
-            self._stood_s = now_s
+    def sense(self, plant: Plant) -> None:
+        """Measure the specific force on its body: by the floor, or by the change of its velocity."""
+        velocity, pose = (plant.time_s, *plant.motion[4:7]), plant.pose
+        elapsed_s, *change = [new - old for new, old in zip(velocity, self._sensed or velocity, strict=True)]
+        self._sensed = velocity
+        force_g = [gained / (elapsed_s * GRAVITY_M_S2) if elapsed_s > 0.0 else 0.0 for gained in change]
+        force_g[2] += 1.0
+        axis = thrust_acceleration(pose.pitch_rad, pose.roll_rad, 1.0)
+        up_g = sum(force * share for force, share in zip(force_g, axis, strict=True))
+        across_g = math.sqrt(max(sum(force**2 for force in force_g) - up_g**2, 0.0))
+        self.supervisor.force_g = STANDING_G if plant.on_floor else (up_g, across_g)
 
     def advance(self, now_s: float) -> None:
-        """Apply the ages of the set point and of the watchdog until `now_s`."""
-        timers = (
-            (self._received_s + LEVEL_AFTER_S, self._note),
-            (self._received_s + STOP_AFTER_S, self._stop),
-            (self._fed_s + WATCHDOG_S, self._lock),
-            (self._stood_s + SPIN_UP_S, self._spun_up),
-            (self._stood_s + (STANDING_S if self.state.can_fly else SPIN_UP_LIMIT_S), self._fall_back),
-            (self._checked_s, self._pass_checks),
-        )
-        for due_s, act in sorted(timers, key=lambda timer: timer[0]):
-            if self.powered and self._advanced_s < due_s <= now_s:
-                act(due_s)
+        """Let the supervisor decide until `now_s`, and use the battery."""
+        self._supervise(now_s)
         self.flown_s += self.motors_run * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
         if self.powered and self.flown_s >= ENDURANCE_S:
             self.switch_off()
 
-    def _stop(self, now_s: float) -> None:
-        """Lock a vehicle that flies without commands; any other waits for thrust 0."""
-        self._unlocked = False
-        if self._set_point.thrust >= LEAST_THRUST and self.state.armed:
-            self._lock(now_s)
-
-    def _lock(self, now_s: float) -> None:
-        self._change(armed=False, locked=True)
-        self._note(now_s)
+    def _supervise(self, now_s: float) -> None:
+        idle = LEAST_THRUST if self._arms_itself else IDLE_THRUST
+        while self.powered and self._next_s <= now_s:
+            step_s, self._next_s = self._next_s, self._next_s + PERIOD_S
+            thrusts = self.motors_run and self._set_point.thrust > idle
+            before = self.supervisor.state
+            self.supervisor.step(step_s, self._received_s, thrusts=thrusts)
+            if self.supervisor.state != before:
+                self._note(step_s)
+            if self.supervisor.blocked and (before, self.supervisor.state) == ("arming", "checks fail"):
+                for part in (BLOCKED[:LONGEST_DATA], BLOCKED[LONGEST_DATA:]):
+                    self._console.append(crtp.Packet(crtp.CONSOLE, 0, part))
 
     def _note(self, now_s: float) -> None:
         """Note what the vehicle gets if it has changed."""
-        point = self._set_point
-        runs = self.powered and self.state.can_fly and self._unlocked and point.thrust >= LEAST_THRUST
-        if not runs:
+        point, state = self._set_point, self.state
+        self.motors_run = self.powered and state.can_fly and self._unlocked and point.thrust >= LEAST_THRUST
+        if not self.motors_run:
             point = AttitudeSetPoint()
-        elif now_s >= self._received_s + LEVEL_AFTER_S:
+        elif self.supervisor.state == "level":
             point = AttitudeSetPoint(thrust=point.thrust)
-        pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
-        if self.motors_run and not runs:
-            self._stood_s = now_s
-        self.motors_run = runs
-        self.note_pulses(now_s, pulses_us)
+        self.note_pulses(now_s, self._settings.pulses_us(point, armed=self.powered and state.armed))

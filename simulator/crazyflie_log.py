@@ -12,7 +12,6 @@ FULL_V: Final = 4.2
 EMPTY_V: Final = 2.6  # the firmware compensates until then, and the vehicle falls
 ENDURANCE_S: Final = 420.0
 TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
-RESET: Final = 5
 NO_SUCH: Final = 2
 
 
@@ -33,9 +32,6 @@ class CrazyflieLog:
             case (log.TABLE_CHANNEL, log.GET_ITEM, _, _):
                 item = int.from_bytes(data[1:], "little")
                 answer = data + (bytes((log.FLOAT,)) + TABLE[item] if item < len(TABLE) else b"")
-            case (log.CONTROL_CHANNEL, command) if command == RESET:
-                self._blocks, self._period_s, self._due_s = {}, {}, {}
-                answer = bytes((RESET, 0, log.NEW))
             case (log.CONTROL_CHANNEL, _, _, _, *_):
                 answer = data[:2] + bytes((self._control(data, now_s),))
             case _:

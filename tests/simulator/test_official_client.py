@@ -1,8 +1,10 @@
 """The official client (cflib) flies the emulated Crazyflie: an independent reading of the protocol."""
 
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from zlib import crc32
 
 import cflib.crtp
 import pytest
@@ -12,12 +14,47 @@ from support.served import Served
 from support.waiting import wait_for
 
 from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crtp import LONGEST_DATA, Packet
 from rcopterx.simulator.crazyflie import Crazyflie
+
+
+class Answering(Crazyflie):
+    """The vehicle, and what only the official client requests: identity, parameters, memories, and so on."""
+
+    def receive(self, raw: bytes, now_s: float) -> list[bytes]:
+        answer = answer_of(Packet.from_bytes(raw)) if 1 <= len(raw) <= 1 + LONGEST_DATA else None
+        return super().receive(raw, now_s) if answer is None else [answer.to_bytes()]
+
+
+PARAMETERS = ((b"stabilizer\0estimator\0", 2), (b"stabilizer\0controller\0", 1))
+BYTE = 0x08
+
+
+def answer_of(packet: Packet) -> Packet | None:
+    data = packet.data
+    item = int.from_bytes(data[-2:], "little") % len(PARAMETERS)
+    answer: bytes | None = None
+    match (packet.port, packet.channel, data[:1]):
+        case (15, 0, _):
+            answer = data
+        case (15, 1, _):
+            answer = b"Bitcraze Crazyflie".ljust(LONGEST_DATA, b"\0")
+        case (2, 0, b"\3"):
+            answer = struct.pack("<BHI", 3, len(PARAMETERS), crc32(repr(PARAMETERS).encode()))
+        case (2, 0, b"\2") if len(data) == 3:
+            answer = data + bytes((BYTE,)) + PARAMETERS[item][0]
+        case (2, 1, _) if len(data) == 2:
+            answer = data + bytes((0, PARAMETERS[item][1]))
+        case (5, 1, b"\5"):
+            answer = b"\5\0\0"
+        case (4, 0, b"\1"):
+            answer = b"\1\0"
+    return None if answer is None else Packet(packet.port, packet.channel, answer)
 
 
 @pytest.fixture
 def vehicle() -> Crazyflie:
-    return Crazyflie(CrazyflieSettings(), time.monotonic())
+    return Answering(CrazyflieSettings(), time.monotonic())
 
 
 @pytest.fixture

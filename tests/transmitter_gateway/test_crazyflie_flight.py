@@ -5,10 +5,20 @@ from firmware_bench import FirmwareBench
 
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.radios.crazyflie_reports import FALL_BACKS
-from rcopterx.radios.crtp import SupervisorState
-from rcopterx.simulator.crazyflie import BOOT_S, LEVEL_AFTER_S, SPIN_UP_S, WATCHDOG_S, Crazyflie
+from rcopterx.simulator.crazyflie import BOOT_S, Crazyflie
+from rcopterx.simulator.crazyflie_supervisor import (
+    LEVEL_AFTER_S,
+    PERIOD_S,
+    SPIN_UP_S,
+    STANDING_G,
+    STOP_AFTER_S,
+    TILTED_S,
+    WATCHDOG_S,
+)
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, LinkState, State
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
+
+ON_ITS_SIDE_G = (0.0, 1.0)
 
 
 class Bench(FirmwareBench):
@@ -64,6 +74,7 @@ def test_a_kill_stops_the_motors_within_a_period_and_for_good(bench: Bench) -> N
     assert bench.request(Action.KILL)
     bench.transmitter.tick(bench.now_s + 0.004)
     assert not bench.vehicle.motors_run
+    bench.run(2 * PERIOD_S + 0.02, 0.0)
     assert bench.vehicle.state.locked
     bench.run(3.0, 0.0)
     assert bench.vehicle.state.locked
@@ -105,13 +116,13 @@ def test_a_gateway_that_dies_leaves_a_vehicle_that_levels_and_stops_itself(watch
     died_s = bench.now_s
     bench.vehicle.advance(died_s + 10.0)
     (level_s, level), (stop_s, stopped) = bench.vehicle.take_outputs()
-    assert level_s - died_s == pytest.approx(LEVEL_AFTER_S, abs=0.03)
+    assert level_s - died_s == pytest.approx(LEVEL_AFTER_S, abs=0.03 + PERIOD_S)
     assert level[1:4] == pytest.approx((1500.0, 1500.0, 1500.0))
     assert stopped[0] == 1100.0
     if watchdog:
-        assert WATCHDOG_S - 0.3 <= stop_s - died_s <= WATCHDOG_S
+        assert WATCHDOG_S - 0.3 <= stop_s - died_s <= WATCHDOG_S + PERIOD_S
     else:
-        assert stop_s - died_s == pytest.approx(2.0, abs=0.03)
+        assert stop_s - died_s == pytest.approx(STOP_AFTER_S, abs=0.03 + PERIOD_S)
     assert bench.vehicle.state.locked
 
 
@@ -138,7 +149,7 @@ def test_an_arming_counts_once_the_firmware_can_fly() -> None:
 
 def test_thrust_for_motors_that_have_not_spun_up_ends_the_take_off() -> None:
     bench = Bench(arms_itself=False)
-    bench.vehicle.blocked = True
+    bench.vehicle.supervisor.blocked = True
     armed(bench)
     assert not any(bench.run(1.0))
     assert bench.state is not State.ARMED
@@ -147,15 +158,15 @@ def test_thrust_for_motors_that_have_not_spun_up_ends_the_take_off() -> None:
 
 def test_arming_that_the_firmware_refuses_is_requested_twice_and_the_reason_is_its_own_words() -> None:
     bench = Bench(arms_itself=False)
-    bench.vehicle.blocked = True
+    bench.vehicle.supervisor.blocked = True
     bench.height_m = 0.02
     armed(bench)
     bench.run(10.0, 0.0)
     assert bench.state is State.DISARMED
     assert "did not arm: SUP: M3 arming RPM check" in bench.transmitter.arbiter.reason
-    assert bench.vehicle.spin_ups == FALL_BACKS
+    assert bench.vehicle.supervisor.spin_ups == FALL_BACKS
     assert bench.transmitter.link(bench.now_s).armed is False
-    bench.vehicle.blocked = False
+    bench.vehicle.supervisor.blocked = False
     bench.request(Action.DISARM)
     bench.fly()
 
@@ -203,7 +214,11 @@ def test_the_end_of_a_gateway_leaves_vehicles_that_fly_without_a_power_cycle(ben
 @pytest.mark.parametrize("tumbled", [True, False])
 def test_a_crashed_vehicle_flies_after_a_reset_once_it_is_upright(bench: Bench, tumbled: bool) -> None:
     bench.fly()
-    bench.vehicle.state = SupervisorState(arms_itself=True, crashed=True, tumbled=tumbled)
+    bench.vehicle.supervisor.force_g = ON_ITS_SIDE_G
+    bench.run(TILTED_S + 2 * PERIOD_S)
+    assert not bench.vehicle.motors_run
+    if not tumbled:
+        bench.vehicle.supervisor.force_g = STANDING_G
     bench.height_m = 0.02
     bench.run(5.0, None)
     assert bench.state is State.CUT
@@ -211,7 +226,7 @@ def test_a_crashed_vehicle_flies_after_a_reset_once_it_is_upright(bench: Bench, 
     assert ("put it upright" if tumbled else "reset it") in bench.module
     if tumbled:
         assert not bench.request(Action.RESET)
-        bench.vehicle.state = SupervisorState(arms_itself=True, crashed=True)
+        bench.vehicle.supervisor.force_g = STANDING_G
         bench.run(0.5, 0.0)
     assert bench.request(Action.RESET)
     bench.run(0.5, 0.0)
