@@ -197,6 +197,7 @@ class StickEffect:
         if self.sense < 1.0 or self.share > REVERSED:
             return False
         self.sense, self.work, self._effort = -1.0, 0.0, 0.0
+        self._due_m_s2 = -self._due_m_s2  # as it still accelerates
         return True
 
 

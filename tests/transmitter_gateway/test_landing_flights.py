@@ -174,6 +174,18 @@ def test_a_pitch_stick_that_acts_the_wrong_way_round_is_turned_round(
         assert flown.touchdown_m_s < 0.6
 
 
+@pytest.mark.parametrize("push", [(0.1, 0.0, 0.0), (-0.3, 0.0, 0.0)], ids=["forwards", "backwards"])
+def test_a_quadrotor_whose_pitch_stick_acts_the_wrong_way_round_is_braked(
+    push: tuple[float, float, float], seeds: range
+) -> None:
+    for seed in seeds:
+        flown = landing(LABORATORY, seed, Options(model=QUADROTOR, pitch_acts=-1.0, push=push))
+        assert flown.reason == "landed"
+        assert flown.farthest_m < 1.5
+        assert flown.offset_m < 1.2
+        assert flown.touchdown_m_s < 0.6
+
+
 @KINDS
 def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(
     conditions: Conditions, seeds: range

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rcopterx.transmitter_gateway.landing import StickEffect
+from rcopterx.transmitter_gateway.landing import RESPONSE_S, StickEffect
 
 STEP_S = 0.02
 
@@ -58,6 +58,24 @@ def test_stick_is_turned_round_only_if_it_acts_the_wrong_way_round(share: float,
     assert found.sense == (-1.0 if turned else 1.0)
     assert not found.turn_round()
     assert (found.share == 0.0) == turned
+
+
+@pytest.mark.parametrize("asked_m_s2", [1.6, 5.0])
+def test_stick_that_was_turned_round_is_not_given_up_while_the_vehicle_still_accelerates(
+    asked_m_s2: float,
+) -> None:
+    found, speed_m_s, acting_m_s2 = StickEffect(), 0.0, -asked_m_s2
+    found.commanded_m_s2 = asked_m_s2
+    while found.sense > 0.0:
+        speed_m_s += acting_m_s2 * STEP_S
+        found.note(speed_m_s, STEP_S)
+        found.turn_round()
+    for _ in range(50):
+        acting_m_s2 += STEP_S / RESPONSE_S * (asked_m_s2 - acting_m_s2)
+        speed_m_s += acting_m_s2 * STEP_S
+        found.note(speed_m_s, STEP_S)
+        assert found.sense == -1.0
+    assert found.share == pytest.approx(1.0, abs=0.1)
 
 
 def test_effect_is_that_of_the_last_seconds() -> None:
