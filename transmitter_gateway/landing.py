@@ -39,6 +39,7 @@ REMEMBERED_S = 1.0
 REVERSED = -0.3  # a stick whose effect is less than this share of the nominal one acts the wrong way round
 USELESS = 0.2  # ...and one whose effect is less than this does not act at all,
 ENOUGH_EFFORT = 1.4  # once it has asked for so much: the integral of its acceleration squared [m^2/s^3]
+JUDGED_S = 0.5  # ...and for so long: before, a quick vehicle has not answered
 HURRY = 2.0  # factor of descents that are not braked, up to this factor of the flare's height...
 HURRIED_CHANGE_M_S2 = 1.5  # ...and its climb rate changes so fast
 YAW_GAIN_PER_S = 1.0
@@ -68,6 +69,7 @@ class LandingLaw:
         """Forget the place, but not the effect of the sticks; the next step begins where the vehicle is."""
         self._place: Position | None = None
         self._slowest_m_s = math.inf
+        self._settling_s: float | None = None
         self._astray_s = self._climb_m_s = self._climb_integral_m_s2 = 0.0
         for effect in self._effects:
             effect.pause()
@@ -119,7 +121,13 @@ class LandingLaw:
     def _watch(self, motion: Motion, elapsed_s: float) -> None:
         """Notice that the vehicle runs away; one that has is not trusted again."""
         speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
-        self._slowest_m_s = min(self._slowest_m_s, speed_m_s)
+        if self._settling_s is None:  # the tilt of its last commands may gain that much before it responds
+            quick = RESPONSE_S * max(self._limits.input_gain[:2]) > GAINED_M_S
+            self._settling_s = JUDGED_S if quick and speed_m_s > GAINED_M_S else 0.0
+        self._settling_s -= elapsed_s
+        turning = any(effect.sense < 0.0 and effect.acted_s < JUDGED_S for effect in self._effects)
+        settles = turning or self._settling_s > 0.0
+        self._slowest_m_s = math.inf if settles else min(self._slowest_m_s, speed_m_s)
         gained_m_s = speed_m_s - self._slowest_m_s
         self._astray_s = self._astray_s + elapsed_s if gained_m_s > GAINED_M_S else 0.0
         self._faster = self._faster or self._astray_s > FASTER_S
@@ -157,6 +165,7 @@ class StickEffect:
 
     `sense` is 1, -1 for a stick that acts the wrong way round, 0 for one that is not used any more.
     `commanded_m_s2` is the nominal acceleration of the present command; low-passed with `RESPONSE_S` it is a.
+    `acted_s` is for how long it has commanded since it was turned round, or since the beginning.
     `work` is the integral of a dv over the gained velocity v, with forgetting (`REMEMBERED_S`) [m^2/s^3].
     """
 
@@ -166,7 +175,7 @@ class StickEffect:
         self.work = 0.0
         self._due_m_s2 = 0.0
         self._speed_m_s: float | None = None
-        self._effort = 0.0
+        self._effort = self.acted_s = 0.0
 
     def note(self, speed_m_s: float, elapsed_s: float) -> None:
         """Use the speed along the stick's axis after a step, and stop using a stick without effect."""
@@ -176,7 +185,9 @@ class StickEffect:
         kept = math.exp(-elapsed_s / REMEMBERED_S)
         self.work = kept * self.work + self._due_m_s2 * gained_m_s
         self._effort = kept * self._effort + self._due_m_s2**2 * elapsed_s
-        if self._effort > ENOUGH_EFFORT and self.share < USELESS and not self.turn_round():
+        self.acted_s += elapsed_s * (self.commanded_m_s2 != 0.0)
+        certain = self._effort > ENOUGH_EFFORT and self.acted_s > JUDGED_S
+        if certain and self.share < USELESS and not self.turn_round():
             self.sense = 0.0
 
     def pause(self) -> None:
@@ -196,7 +207,7 @@ class StickEffect:
         """Use the stick the other way round if that is how it acts; whether it is. Only once."""
         if self.sense < 1.0 or self.share > REVERSED:
             return False
-        self.sense, self.work, self._effort = -1.0, 0.0, 0.0
+        self.sense, self.work, self._effort, self.acted_s = -1.0, 0.0, 0.0, 0.0
         self._due_m_s2 = -self._due_m_s2  # as it still accelerates
         return True
 

@@ -186,6 +186,20 @@ def test_a_quadrotor_whose_pitch_stick_acts_the_wrong_way_round_is_braked(
         assert flown.touchdown_m_s < 0.6
 
 
+@pytest.mark.parametrize("pitch", [-0.8, 0.8])
+def test_a_quadrotor_that_is_fast_is_braked_also_with_a_reversed_pitch_stick(
+    pitch: float, seeds: range
+) -> None:
+    for seed in seeds:
+        sound = landing(LABORATORY, seed, Options(model=QUADROTOR, push=(pitch, 0.0, 0.0)))
+        assert_gentle(sound, offset_m=0.6)
+        assert sound.farthest_m < 1.2
+        flown = landing(LABORATORY, seed, Options(model=QUADROTOR, pitch_acts=-1.0, push=(pitch, 0.0, 0.0)))
+        assert flown.reason == "landed"
+        assert flown.farthest_m < 3.0
+        assert flown.touchdown_m_s < 0.6
+
+
 @KINDS
 def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(
     conditions: Conditions, seeds: range
