@@ -50,24 +50,20 @@ class Demonstration:
     def fly(self, seconds: float | None) -> None:
         """Take off and fly, for a time or without end; without end it stays up whatever ends the flight."""
         try:
-            with stopped_by(self._stop):
-                self._fleet.wait_ready()
-            try:
-                self._take_off_and_fly(seconds)
-            except StoppedError:
-                raise
-            except FLIGHT_ERRORS as error:
-                if seconds is not None:
-                    raise
-                self._say(f"{error}; {GO_ON}")
-                self._stay()
+            self._take_off_and_fly(seconds)
         except StoppedError:
             return
         except FLIGHT_ERRORS as error:
-            self.problem = str(error)
+            if seconds is not None:
+                self.problem = str(error)
+                return
+            self._say(f"{error}; {GO_ON}")
+            while not self._stop.wait(POLL_S):
+                pass
 
     def _take_off_and_fly(self, seconds: float | None) -> None:
         with stopped_by(self._stop):
+            self._fleet.wait_ready()
             self._fleet.take_off()
         started_s = self._clock()
         self._end_s = math.inf if seconds is None else started_s + seconds

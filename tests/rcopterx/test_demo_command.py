@@ -49,7 +49,7 @@ def test_a_demonstration_stays_up_when_its_flight_ends_and_says_how_to_go_on(
     vehicles["h1"].refusals[verb] = "killed"
     stop, said = threading.Event(), list[str]()
     demonstration = Demonstration(fleet, stop, said.append)
-    flight = threading.Thread(target=demonstration.fly, args=(None,))
+    flight = threading.Thread(target=demonstration.fly, args=(None,), daemon=True)
     flight.start()
     wait_for(lambda: bool(said), "says nothing")
     assert flight.is_alive()
