@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import msgpack
+import msgspec
 
 from rcopterx.bus import channels
 from rcopterx.bus.clock import NANO
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"  # wall clock of arrival at the recorder, seconds since 1970
+PLACES: Final = ("x_m", "y_m", "z_m", "yaw_rad")  # first columns of a trajectory
 LONGEST_LIST: Final = 32  # longer lists are not columns of a table
 
 
@@ -22,8 +25,9 @@ def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
     """Write the messages of a flight as CSV files, named for instance `h1-pose.csv`, and return their paths.
 
     Columns are the fields of the messages, nested ones with dots (`diagnostics.ticks`), items of lists
-    with their number (`position_m.0`). Matrices are left out. Files of the same names are replaced. Raises
-    `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
+    with their number (`position_m.0`), places and headings of a plan with the number of their stage
+    (`trajectory.x_m.0`). What is never there and other matrices are left out. Files of the same names are
+    replaced. Raises `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
     """
     columns: dict[str, dict[str, None]] = {}
     count = 0
@@ -66,6 +70,12 @@ def flat(payload: bytes) -> dict[str, Any]:
 
 def _columns(value: Any, name: str) -> Iterator[tuple[str, Any]]:
     match value:
+        case None | "":
+            return
+        case {"offset": _, "scale": _, "data": bytes()}:
+            yield from _stages(value, name)
+        case {"shape": _, "data": bytes()}:
+            return
         case Mapping():
             for key, item in value.items():
                 yield from _columns(item, f"{name}.{key}" if name else str(key))
@@ -77,3 +87,14 @@ def _columns(value: Any, name: str) -> Iterator[tuple[str, Any]]:
             return
         case _:
             yield name, value
+
+
+def _stages(value: object, name: str) -> Iterator[tuple[str, float]]:
+    """Yield place and heading of every stage of a trajectory; nothing if it is malformed."""
+    try:
+        samples = msgspec.convert(value, TrajectoryArray).to_numpy()
+    except ValueError:
+        return
+    for column, place in enumerate(PLACES):
+        for stage, number in enumerate(samples[:, column].tolist()):
+            yield f"{name}.{place}.{stage}", round(number, 5)
