@@ -17,6 +17,7 @@ import msgspec
 
 from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.control.scheme import Scheme
+from rcopterx.user_text import described, similar
 from rcopterx.vehicles.model import Model
 
 
@@ -33,6 +34,7 @@ def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settin
     if unknown:
         raise SettingsError(
             f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
+            f"{similar(unknown[0], kind.__struct_fields__)}"
         )
     for name, value in values.items():
         if not all_finite(value):
@@ -102,9 +104,8 @@ class Registry(Generic[Part]):
                 try:
                     found: PartClass[Part] = point.load()
                 except Exception as error:  # a plug-in may raise anything
-                    reason = f"{type(error).__name__}: {error}"
                     raise SettingsError(
-                        f"{self.kind} {name!r} ({point.value}) cannot be imported: {reason}"
+                        f"{self.kind} {name!r} ({point.value}) cannot be imported: {described(error)}"
                     ) from error
                 if not hasattr(found, "Settings"):
                     raise SettingsError(f"{self.kind} {name!r} ({point.value}) has no attribute Settings")
@@ -113,7 +114,10 @@ class Registry(Generic[Part]):
             raise SettingsError(
                 f"{self.kind} {name!r}: part of rcopterx-studies: pip install rcopterx-studies"
             )
-        raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
+        known = self.available()
+        raise SettingsError(
+            f"no {self.kind} is called {name!r}; allowed are {', '.join(known)}{similar(name, known)}"
+        )
 
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
         """Build the part of one vehicle; `SettingsError` for an unknown name or a setting not allowed."""

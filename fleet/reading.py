@@ -25,7 +25,7 @@ from rcopterx.fleet.schema import (
     VehicleConfig,
     errors_at,
 )
-from rcopterx.user_text import TextError
+from rcopterx.user_text import TextError, similar
 
 SUFFIX = ".json"
 
@@ -93,6 +93,7 @@ MAPPINGS: Any = (
 )
 """Mappings of the fleet file, with the types of their keys and values."""
 _LINE = re.compile(r"at line (\d+)")
+_QUOTED = re.compile(r"[`'](\w+)[`']")
 _COMMA = re.compile(r"=\s*[-+]?\d+,\d")
 _STEP = re.compile(r"\.(\w+)|\[")
 _type_info = cache(inspect.type_info)
@@ -194,7 +195,9 @@ def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) ->
         below = place.rstrip("`").removeprefix("key` in `").removeprefix("$")
         path = f"{where}{below}".removeprefix(".")
         if "unknown field" in what or "enum value" in what:
-            what = f"{what}, allowed are {', '.join(_allowed_at(kind, below)) or 'none'}"
+            allowed, wrong = _allowed_at(kind, below), _QUOTED.search(what)
+            hint = similar(wrong[1], allowed) if wrong else ""
+            what = f"{what}, allowed are {', '.join(allowed) or 'none'}{hint}"
         raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 
@@ -225,7 +228,8 @@ def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
     types = {field.name: _without_none(field.type) for field in info.fields}
     for name, value in table.items():
         if name not in types:
-            raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(types)}")
+            hint = similar(name, types)
+            raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(types)}{hint}")
         if isinstance(value, Mapping) and isinstance(types[name], inspect.DataclassType):
             _refuse_unknown(types[name].cls, value, f"{where}.{name}")
 
@@ -282,4 +286,5 @@ def fleet_path(name: str) -> Path:
     # Paths of the source tree also name shipped files, so that examples in the documentation work anywhere.
     if name in shipped or (path.suffix == ".toml" and path.parent.name == "fleets" and path.stem in shipped):
         return shipped[path.stem]
-    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}")
+    hint = similar(name, shipped)
+    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}{hint}")

@@ -13,6 +13,7 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.user_text import similar
 
 Text = Annotated[str, Meta(min_length=1)]
 Speed = Annotated[float, Meta(ge=0.01, le=10)]
@@ -39,7 +40,9 @@ def errors_at(where: object, *kinds: type[Exception]) -> Iterator[None]:
 def check_known(where: str, what: str, name: str, known: Collection[str]) -> None:
     """Refuse a name at the place `where` that is none of the known ones; raises `FleetError`."""
     if name not in known:
-        raise FleetError(f"{where}: unknown {what} {name!r}, known are {', '.join(known)}")
+        raise FleetError(
+            f"{where}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}"
+        )
 
 
 class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

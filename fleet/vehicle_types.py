@@ -18,7 +18,7 @@ from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, 
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text, VoltageConfig, errors_at
 from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.user_text import decoded
+from rcopterx.user_text import decoded, similar
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"
@@ -76,8 +76,8 @@ def type_names() -> list[str]:
 def vehicle_type(name: str) -> VehicleType:
     """Return a type of this package, or else of an installed one; `FleetError` names a wrong file and key."""
     if name not in type_names():
-        allowed = ", ".join(type_names())
-        raise FleetError(f"unknown type {name!r}, allowed are {allowed}, or the path of a file *{SUFFIX}")
+        allowed, hint = ", ".join(type_names()), similar(name, type_names())
+        raise FleetError(f"unknown type {name!r}, allowed are {allowed}, or a path of a file *{SUFFIX}{hint}")
     file, place = f"{name}{SUFFIX}", "rcopterx"
     source = _OWN / file
     if not source.is_file():

@@ -1,17 +1,20 @@
-"""Reads texts and tables of users: byte order marks, line ends of Windows, separators of spreadsheets."""
+"""Texts of users: byte order marks, line ends, tables of spreadsheets, misspelt names, errors of plug-ins."""
 
 import codecs
 import csv
 import ipaddress
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from pathlib import Path
+from traceback import walk_tb
 from typing import Final, NamedTuple
 
 SEPARATORS: Final = ",;\t"
 _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _ADDRESS: Final = re.compile(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^\[\]:\s]+)):([0-9]{1,9})")
+_LIBRARIES: Final = ("/numpy/", "/scipy/", "importlib")
 _DECIMAL_COMMA: Final = re.compile(r"\s*[-+]?\d*,\d+\s*")
 
 
@@ -24,6 +27,21 @@ class Row(NamedTuple):
 
     line: int  # as an editor counts, from one
     cells: list[str]
+
+
+def similar(name: str, known: Iterable[str]) -> str:
+    """Return the end of an error about an unknown name: the known one that is most similar, if any."""
+    found = get_close_matches(name, list(known), 1)
+    return f"; did you mean {found[0]!r}?" if found else ""
+
+
+def described(error: BaseException) -> str:
+    """Return type and text of an error, with file and line below the caller, those of libraries excepted."""
+    below = error.__traceback__ and error.__traceback__.tb_next
+    files = ((frame.f_code.co_filename, line) for frame, line in walk_tb(below))
+    places = [(name, line) for name, line in files if not any(part in name for part in _LIBRARIES)]
+    where = f" ({Path(places[-1][0]).name}, line {places[-1][1]})" if places else ""
+    return f"{type(error).__name__}: {error}{where}"
 
 
 def text_of(path: Path) -> str:

@@ -21,6 +21,7 @@ from rcopterx.bus.session import Incoming
 from rcopterx.control.references.columns import POSE
 from rcopterx.formation.placement import Room, offset_problem, place_problem
 from rcopterx.formation.topology import ancestors, in_words, line_between
+from rcopterx.user_text import similar
 from rcopterx.vehicles.phases import Phase
 
 PREPARED_S = 3.0  # time for which a prepared change waits for its frame
@@ -228,7 +229,8 @@ class LeaderChanges:
             if name == self.vehicle:
                 return f"{name} cannot follow itself"
             if name not in self.vehicles:
-                return f"unknown vehicle {name!r}, known are {', '.join(self.vehicles)}"
+                known = f"{', '.join(self.vehicles)}{similar(name, self.vehicles)}"
+                return f"unknown vehicle {name!r}, known are {known}"
         if len(set(names)) != len(names):
             return "a leader is named twice"
         if isinstance(request, Follow):

@@ -10,6 +10,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar, TypeVarTuple
 
+from rcopterx.user_text import described
+
 SOLVER_SHARE: Final = 0.4  # share of the control period after which a solver that can stop early does so
 STEP_SHARE: Final = 0.6  # of the control period, after which a controller's step is given up (12 of 20 ms)
 LONGEST_WAIT_S: Final = 0.1  # longest duration of a call, shorter than the watchdog's limit
@@ -188,7 +190,7 @@ class GuardedCall:
             # The alarm rang while an exception was handled.
             late = limit.end(allowed_s)
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self.note("raised", f"{name}: {type(error).__name__}: {error}")
+            self.note("raised", f"{name}: {described(error)}")
             return None
         if late:
             self.note("late", f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
@@ -203,7 +205,7 @@ class GuardedCall:
         try:
             call(*arguments)
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self.note("raised", f"{name}: {type(error).__name__}: {error}")
+            self.note("raised", f"{name}: {described(error)}")
 
     def note(self, kind: str, text: str) -> None:
         """Count a failure and keep its description."""

@@ -12,6 +12,7 @@ from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, NoSolutionError
 from rcopterx.control.references.trajectory import hold
+from rcopterx.user_text import described
 from rcopterx.vehicles.state import YAW
 
 WARM_UP_STEPS = 3  # steps of a new controller or estimator; one for new settings
@@ -112,8 +113,7 @@ class Tuning:
         except ValueError as error:
             return error
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            reason = f"{type(error).__name__}: {error}"
-            return ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
+            return ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {described(error)}")
 
     def _build(self, wanted: Configuration, estimate: Estimate, frame_period_s: float) -> Replacement:
         """Build what differs from the present configuration, and let it run a few steps as a warm-up."""

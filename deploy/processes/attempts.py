@@ -1,10 +1,10 @@
 """Steps of a loop that must go on whatever fails in one of them."""
 
 import time
-import traceback
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final
+
+from rcopterx.user_text import described
 
 REPEAT_S: Final = 10.0  # an error of a step that repeats is reported again after this time
 PAUSE_S: Final = 0.01  # after an error: a step that fails at once must not use the whole processor
@@ -29,6 +29,4 @@ class Attempts:
             if now_s < self._silent_until_s.get(name, now_s):
                 return []
             self._silent_until_s[name] = now_s + REPEAT_S
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(place.filename).name}, line {place.lineno}"
-            return [f"launcher: {name} failed: {type(error).__name__}: {error} ({where}); going on"]
+            return [f"launcher: {name} failed: {described(error)}; going on"]

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand
 
 from rcopterx.commands.fleet_option import EXIT_USAGE, failure
+from rcopterx.user_text import described
 
 GROUP: Final = "rcopterx.commands"
 STUDIES: Final = (
@@ -34,8 +35,7 @@ def added(name: str, words: str) -> Any:
     try:
         return point.load()
     except Exception as error:  # a package may raise anything
-        reason = f"{type(error).__name__}: {error}"
-        raise failure(f"rcopterx {words} ({point.value}) cannot be imported: {reason}") from error
+        raise failure(f"rcopterx {words} ({point.value}) cannot be imported: {described(error)}") from error
 
 
 def added_command(name: str) -> Any:

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from rcopterx.user_text import similar
+
 if TYPE_CHECKING:
     from rcopterx.bus.message import Setting
 
@@ -22,7 +24,7 @@ def check_known(names: Iterable[str], known: Collection[str], what: str, option:
     """Raise a usage error for the first unknown name; `what` and `option` are for its message."""
     for name in names:
         if name not in known:
-            message = f"unknown {what} {name!r}, known are {', '.join(known)}"
+            message = f"unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}"
             raise typer.BadParameter(message, param_hint=option)
 
 

@@ -6,7 +6,9 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import pytest
+import typer
 from click.testing import Result
 from support.bus import free_port, own_address
 from support.fleets import HARDWARE_PAIR, PAIR
@@ -75,6 +77,25 @@ def test_every_command_explains_itself_and_its_options(name: str) -> None:
         assert unit in shown
     if name not in FLEETLESS:
         assert "Fleet file" in shown or "FLEET" in shown
+
+
+def test_every_option_for_a_fleet_has_the_same_short_form() -> None:
+    with_option = set()
+
+    def check(group: click.Group, context: click.Context) -> None:
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            if isinstance(command, click.Group):
+                check(command, context)
+            for option in command.params if command is not None else ():
+                if "--fleet" in option.opts:
+                    assert "-f" in option.opts, name
+                    with_option.add(name)
+
+    group = typer.main.get_command(app)
+    assert isinstance(group, click.Group)
+    check(group, click.Context(group))
+    assert {"demo", "land", "calibrate", "identify", "inject", "fly", "ground", "logs"} <= with_option
 
 
 def test_manoeuvres_are_listed() -> None:

@@ -63,6 +63,19 @@ MISTAKES_IN_FILES = {
         PAIR + 'control = { controller = "mpc" }',
         ("vehicles.h2.control: no controller is called 'mpc'; allowed are ", "cascade"),
     ),
+    "misspelt key": (PAIR + "contrl = {}", ("unknown field `contrl`, ", "; did you mean 'control'?")),
+    "misspelt key of a model": (
+        PAIR + "model = { hover_trust = 0.5 }",
+        ("vehicles.h2.model.hover_trust: unknown field, ", "; did you mean 'hover_thrust'?"),
+    ),
+    "misspelt setting": (
+        PAIR + "control = { settings = { horizn = 30 } }",
+        ("unknown setting 'horizn'; ", "; did you mean 'horizon'?"),
+    ),
+    "misspelt leader": (
+        PAIR.replace("h1", "hugo").replace('leader = "hugo"', 'leader = "huga"'),
+        ("unknown vehicle 'huga', known are hugo, h2; did you mean 'hugo'?",),
+    ),
     "same subject twice": (PAIR.replace("heli2", "heli1"), ("'heli1' is already that of vehicles.h1",)),
     "same port twice": (PAIR.replace("radio-h2", "radio-h1"), ("'radio-h1' is already that of vehicles.h1",)),
     "no such device": (HARDWARE_PAIR, ("vehicles.h1.transmitter.port: there is no device",)),
@@ -85,6 +98,12 @@ def test_a_mistake_in_the_fleet_file(text: str, words: tuple[str, ...], lab: Pat
 MISTAKES_IN_COMMANDS = {
     "no fleet is up": (("takeoff",), ("no fleet is up on this computer; start one (rcopterx up FLEET)",)),
     "fleet file missing": (("up", "labb.toml"), ("labb.toml: no such file; shipped fleets are ", "trio")),
+    "misspelt fleet": (("up", "tria"), ("tria: no such file; ", "; did you mean 'trio'?")),
+    "misspelt fault": (
+        ("inject", "clos", "-f", "trio"),
+        ("unknown fault 'clos', ", "; did you mean 'close'?"),
+    ),
+    "misspelt manoeuvre": (("fly", "hovr"), ("unknown manoeuvre 'hovr', ", "; did you mean 'hover'?")),
     "fleet file is a directory": (("up", "."), ("a directory; name the fleet file in it",)),
     "negative height": (("takeoff", "--height", "-1"), ("--height", "0.2")),
     "follows itself": (("follow", "h1", "h1"), ("h1 cannot follow itself, name another vehicle",)),

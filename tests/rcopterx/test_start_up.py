@@ -67,9 +67,11 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
         "ground_station.acceptance.demonstration",
         "ground_station.scripting.launched",
         "ground_station.terminal.margin_warnings",
+        "commands.new_lab, rcopterx.deploy.new_laboratory",
+        "ground_station.report.page",
     ],
 )
-def test_launching_a_fleet_and_the_demonstration_need_no_scipy_and_no_compiler(module: str) -> None:
+def test_launching_a_fleet_asking_for_one_and_reports_need_no_scipy_and_no_compiler(module: str) -> None:
     loaded = imported_by(f"import rcopterx.{module}")
     assert "msgspec" in loaded
     assert not loaded & {"scipy", "osqp", "numba", "matplotlib"}

@@ -3,12 +3,14 @@
 import codecs
 from contextlib import suppress
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.user_text import Row, TextError, decoded, host_and_port, number_in, rows_of
+from rcopterx.user_text import Row, TextError, decoded, described, host_and_port, number_in, rows_of, similar
 
+SHIPPED = ("duo", "trio", "crazyflies")
 TABLE = "t,x\n0,1.5\n3,ü\n"
 ROWS = [Row(1, ["t", "x"]), Row(2, ["0", "1.5"]), Row(3, ["3", "ü"])]
 
@@ -100,3 +102,24 @@ def test_addresses_have_a_host_and_a_port(text: str, parts: tuple[str, int]) -> 
 def test_what_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(TextError, match="must be HOST:PORT"):
         host_and_port(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("tria", "; did you mean 'trio'?"), ("crazyflie", "; did you mean 'crazyflies'?"), ("h4", ""), ("", "")],
+)
+def test_an_unknown_name_is_answered_by_the_most_similar_one_if_any(name: str, hint: str) -> None:
+    assert similar(name, SHIPPED) == hint
+    assert similar(name, ()) == ""
+
+
+def fails() -> None:
+    np.linalg.inv(np.zeros((2, 2)))
+
+
+def test_an_error_is_described_with_its_place_in_the_code_that_is_no_library() -> None:
+    with pytest.raises(np.linalg.LinAlgError) as raised:
+        fails()
+    line = fails.__code__.co_firstlineno + 1
+    assert described(raised.value) == f"LinAlgError: Singular matrix (test_user_text.py, line {line})"
+    assert described(ValueError("no")) == "ValueError: no"

@@ -13,6 +13,7 @@ from rcopterx.bus.session import Session
 from rcopterx.fleet.reading import converted, table_of, text_of
 from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
+from rcopterx.user_text import similar
 
 
 class FaultRefusedError(RuntimeError):
@@ -23,7 +24,7 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     """Fault of a kind of `FAULTS`; texts become numbers where needed. Raises FleetError."""
     kind = kind.replace("-", "_")
     if kind not in FAULTS:
-        raise FleetError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}")
+        raise FleetError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}{similar(kind, FAULTS)}")
     return cast(Fault, converted({"kind": kind, **values}, FAULTS[kind], kind, strict=False))
 
 

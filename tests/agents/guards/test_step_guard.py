@@ -227,7 +227,8 @@ def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
     guard = StepGuard(COAXIAL_LAG, Deaf(HOVER[None, :]))
     guard.reset(still(), HOVER)
     assert guard.calls.failures["controller_raised"] == 1
-    assert guard.calls.failure == "Deaf: ValueError: not now"
+    line = Deaf.reset.__code__.co_firstlineno + 1
+    assert guard.calls.failure == f"Deaf: ValueError: not now (test_step_guard.py, line {line})"
 
 
 class Slow(NotedController):

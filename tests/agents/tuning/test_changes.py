@@ -1,7 +1,9 @@
 """Another controller, estimator or setting takes over in flight: without a bump, or with a clear refusal."""
 
+import re
 import threading
 from itertools import permutations
+from pathlib import Path
 
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
@@ -174,5 +176,8 @@ def test_a_controller_that_fails_in_its_own_way_is_refused_and_the_next_change_p
         patch.setattr(Configuration, "controller_for", broken)
         outcome = flight.change(controller="lqr")
     assert isinstance(outcome, ValueError)
-    assert str(outcome) == "lqr, extended_kalman cannot be built: TypeError: no such model"
+    place = rf"\({Path(__file__).name}, line {broken.__code__.co_firstlineno + 1}\)"
+    assert re.fullmatch(
+        f"lqr, extended_kalman cannot be built: TypeError: no such model {place}", str(outcome)
+    )
     assert isinstance(flight.change(controller="lqr"), str)
