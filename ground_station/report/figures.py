@@ -1,7 +1,7 @@
 """Figures of a flight from its recording: latencies, errors, ticks, fallbacks."""
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -63,7 +63,8 @@ class FlightFigures:
 
         self._poses = continued(poses)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
-        self.plans = continued(by_vehicle(channels.PLAN))  # plans of each vehicle, in order
+        plans = {name: _plans(recording, name) for name in vehicles}
+        self.plans = continued(plans)  # plans of each vehicle, in order, without those after a kill
         self.applied = continued(by_vehicle(channels.APPLIED))  # inputs written to each module, in order
         self.statuses = by_vehicle(channels.AGENT_STATUS)  # statuses of the agent of each vehicle, in order
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
@@ -244,6 +245,17 @@ class FlightFigures:
                 "max": round(max(s.solve_ms_max for s in status), 3),
             }
         return table
+
+
+def _plans(recording: Recording, name: str) -> list[Plan]:
+    """Plans of a vehicle, except while it is killed: its fall is no error of its control."""
+    written = recording.messages(channels.APPLIED, name)
+    times_s = [arrived_s for _, arrived_s in written]
+    return [
+        plan
+        for plan, arrived_s in recording.messages(channels.PLAN, name)
+        if not (before := bisect_right(times_s, arrived_s)) or written[before - 1][0].state != "killed"
+    ]
 
 
 def _growth(

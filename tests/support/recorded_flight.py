@@ -7,7 +7,7 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, CommandTiming, LeaderLink, Plan, Pose
+from rcopterx.bus.messages import Applied, ArbiterState, CommandTiming, LeaderLink, Plan, Pose
 from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -83,6 +83,7 @@ class Flight:
         *,
         epoch: int = 1,
         fresh: bool = True,
+        state: ArbiterState = "armed",
         arrived_s: float | None = None,
         timing: CommandTiming | None = None,
     ) -> None:
@@ -90,7 +91,7 @@ class Flight:
             channels.APPLIED,
             unit,
             Applied(
-                state="armed",
+                state=state,
                 input=(0.0, 0.0, 0.5, 0.0),
                 pulse_width_us=pulses_us,
                 epoch=epoch,

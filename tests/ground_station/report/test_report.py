@@ -10,7 +10,7 @@ from support.recorded_flight import Flight, truth
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LinkState, RouterStatus
-from rcopterx.bus.messages import CommandTiming, LeaderLink, TransmitterStatus
+from rcopterx.bus.messages import ArbiterState, CommandTiming, LeaderLink, TransmitterStatus
 from rcopterx.bus.session import RawMessage
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import percentiles, rms_and_max
@@ -54,6 +54,20 @@ def test_formation_error_is_the_distance_to_the_leader_plus_offset() -> None:
     assert figures.formation_error_m("h2") == pytest.approx([0.0, 0.03, 0.04])
     assert figures.vehicle("h2")["formation_error_mm"] == {"rms": 28.87, "max": 40.0}
     assert figures.vehicle("h1")["formation_error_mm"] is None
+
+
+def test_what_follows_a_kill_until_it_is_reset_is_no_error_of_the_flight() -> None:
+    flight = Flight()
+    link = LeaderLink(leader="h1", offset_m=(-0.5, 0.2, 0.0))
+    states: tuple[ArbiterState, ...] = ("armed", "killed", "killed", "disarmed", "armed")
+    for frame, state in enumerate(states):
+        flight.applied("h2", frame, 0.0, (), state=state)
+        flight.pose("h1", frame, (0.0, 0.0, 1.0))
+        flight.pose("h2", frame, (-0.5, 0.2, 1.0 - 0.1 * frame))
+        flight.plan("h2", frame, (0.0,) * 4, link, start_s=0.0)
+    figures = flight.figures("h1", "h2")
+    assert figures.formation_error_m("h2") == pytest.approx([0.0, 0.3, 0.4])
+    assert len(figures.tracking_errors("h2")[0]) == 3
 
 
 def test_formation_error_with_several_leaders_uses_the_weighted_mean() -> None:
