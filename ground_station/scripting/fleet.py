@@ -107,7 +107,10 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         statuses = self.statuses()
         change, where = swapped(statuses, first, second)
         regroup(self, change, where, {name: statuses[name].assigned for name in change})
-        return [f"{name} {role(links)}" for name, links in change.items()]
+        return [
+            f"{name} {role(links)} (before: {role(statuses[name].assigned)})"
+            for name, links in change.items()
+        ]
 
     def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""

@@ -62,6 +62,16 @@ def test_roles_change_among_everybody_even_if_a_leader_is_heard_later_than_its_f
         later.join()
 
 
+def test_a_change_of_roles_says_whom_each_vehicle_followed_before(
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.scripting.regroup.regroup", lambda *_: None)
+    put(vehicles, fleet, "flying")
+    vehicles["h2"].following = vehicles["h2"].assigned = (LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0)),)
+    wait_for(lambda: fleet["h2"].state.assigned, "h2 does not follow")
+    assert fleet.promote("h2") == ["h2 leads (before: follows h1)", "h1 follows h2 (before: leads)"]
+
+
 def test_the_state_of_a_vehicle_is_what_its_processes_last_said(fleet: Fleet, vehicles: Vehicles) -> None:
     state = fleet["h1"].state
     assert (state.phase, state.airborne) == ("ground", False)

@@ -140,7 +140,11 @@ def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, t
     lines = flying.fleet.promote("h2")
     wait_for_frames(flying, "h3", 2 * SOON)
     recording = recorder.stop()
-    assert sorted(lines) == ["h1 follows h2", "h2 leads", "h3 follows h2"]
+    assert sorted(lines) == [
+        "h1 follows h2 (before: leads)",
+        "h2 leads (before: follows h1)",
+        "h3 follows h2 (before: follows h1)",
+    ]
     new = {"h1": ("h2",), "h2": (), "h3": ("h2",)}
     frames = {
         name: next(frame for frame, names in frames_by_leader(recording, name) if names == new[name])
@@ -165,5 +169,9 @@ def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, t
         30,
         "the formation does not follow its new leader",
     )
-    assert sorted(flying.fleet.swap("h1", "h2")) == ["h1 leads", "h2 follows h1", "h3 follows h1"]
+    assert sorted(flying.fleet.swap("h1", "h2")) == [
+        "h1 leads (before: follows h2)",
+        "h2 follows h1 (before: leads)",
+        "h3 follows h1 (before: follows h2)",
+    ]
     truth.assert_none_touched_down()

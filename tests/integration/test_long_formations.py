@@ -64,7 +64,11 @@ def test_chain_of_five_follows_its_head_and_publishes_the_whole_line(launch: Lau
     answer = fleet["h5"].follow("h2", (-1.2, 0.0, 0.0))
     assert answer == "h5 follows h2 follows h1"
     fleet.wait_for_formation(["h5"])
-    lines = ["h1 follows h2", "h2 follows h3", "h3 leads", "h4 follows h1"]
-    assert sorted(fleet.promote("h3")) == lines
+    assert sorted(fleet.promote("h3")) == [
+        "h1 follows h2 (before: leads)",
+        "h2 follows h3 (before: follows h1)",
+        "h3 leads (before: follows h2)",
+        "h4 follows h1 (before: follows h3)",
+    ]
     fleet.wait_for_formation()
     fleet.land()
