@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta, Struct
 
-from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
+from rcopterx.deploy.new_laboratory import NewVehicle, formation_of
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
 from rcopterx.fleet.reading import converted, text_of
 from rcopterx.fleet.schema import FleetError, errors_at
@@ -77,7 +77,7 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
         robots = {str(name): converted(raw, Robot, f"robots.{name}") for name, raw in file.robots.items()}
     if all_robots := document.get("all"):
         remarks.append(f"all: {', '.join(map(str, all_robots))} not taken over")
-    placed: list[PlacedVehicle] = []
+    placed: list[NewVehicle] = []
     for (name, robot), raw in zip(robots.items(), file.robots.values(), strict=True):
         if not robot.enabled:
             continue
@@ -86,12 +86,13 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
         if not all(map(math.isfinite, position_m)):
             remarks.append(f"{where}: is not finite, (0, 0, 0) is used; set offset_m")
             position_m = (0.0, 0.0, 0.0)
-        elif same := [other.name for other in placed if other.position_m == position_m]:
+        elif same := [other.name for other in placed if other.offset_m == position_m]:
             remarks.append(f"{where}: is that of robots.{same[0]}; set offset_m")
         uri = _address(path, name, robot.uri, remarks)
         if same := [other.name for other in placed if other.port == uri]:
             raise FleetError(f"{path}: robots.{name}.uri: {robot.uri!r} is already that of robots.{same[0]}")
-        placed.append(PlacedVehicle(name, uri, position_m, _battery(path, raw, file.robot_types)))
+        battery = _battery(path, raw, file.robot_types)
+        placed.append(NewVehicle(name, name, uri, "crazyflie", position_m, battery))
     if not placed:
         raise FleetError(f"{path}: no robot is enabled")
     return formation_of(path, placed, "cf")

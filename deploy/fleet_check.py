@@ -16,7 +16,7 @@ EXIT_WRONG: Final = 3  # exit code for a fleet with a wrong field
 def check_fleet(fleet: FleetFile, directory: Path) -> None:
     """Build the settings of every process with this run directory; `FleetError` names the wrong field."""
     # Imported here: the launcher imports this module, and needs none of the libraries of agents.
-    from rcopterx.deploy.roles.agent import check_period, pilot_of
+    from rcopterx.deploy.roles.agent import pilot_of
     from rcopterx.deploy.roles.ports import check_ports
     from rcopterx.deploy.roles.tracker import tracker_settings
     from rcopterx.deploy.roles.transmitters import gateway_settings
@@ -31,7 +31,6 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
                 f"watchdog.flight_s: {fleet.watchdog.flight_s:g} must be shorter than descend_after_s = "
                 f"{descend_after_s:g} of {name}, after which it lands without commands"
             )
-        check_period(fleet, name)
         pilot_of(fleet, name)
     first = next(iter(fleet.vehicles))
     check_formation(fleet, limits_of(fleet, first).surveillance.minimum_distance_m)

@@ -3,17 +3,25 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import tomlkit
 
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.roles.ports import check_ports
+from rcopterx.deploy.roles.tracker import OWN_CLIENT, brand_of, tracker_address
 from rcopterx.fleet.radios import MODEL_MATCH_OPTIONS
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import vehicle_type
 
+SCHEMA: Final = "https://rcopterx.github.io/rcopterx/fleet.schema.json"  # for editors
+BENCH: Final = ("bind", "range-check", "calibrate")
+FIRMWARE_STEPS: Final[Mapping[str, Sequence[str]]] = {
+    "crazyflie": ("pip install 'rcopterx[crazyflie]'", "give every Crazyflie its address: docs/crazyflie.md"),
+    "mavlink": ("pip install 'rcopterx[mavlink]'", "set the parameters of the autopilot: docs/mavlink.md"),
+}
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
 """Offsets of the second and third vehicle; further ones fly in rows behind them."""
 
@@ -24,35 +32,30 @@ class NewVehicle(NamedTuple):
     name: str
     subject: str  # its name in the Tracker
     port: str  # serial device, or address of a radio
-    offset_m: tuple[float, float, float] | None = None
+    type: str
+    offset_m: Sequence[float] | None = None
     """Offset to the first vehicle in formation; None for a place in rows behind it."""
     battery: Mapping[str, float] = {}  # its table `battery`; empty for that of the type
 
-
-class PlacedVehicle(NamedTuple):
-    """A vehicle of other software."""
-
-    name: str  # which is its name in the Tracker, too
-    port: str | None  # address of its radio; None for a simulated radio
-    position_m: Sequence[float]
-    battery: Mapping[str, float] = {}  # its table in a fleet file
+    @property
+    def protocol(self) -> str:
+        """Protocol of its radio; raises `FleetError` for an unknown type."""
+        return vehicle_type(self.type).file.transmitter.protocol
 
 
-def formation_of(source: Path, placed: Sequence[PlacedVehicle], prefix: str) -> list[NewVehicle]:
-    """Return vehicles that keep the distances of their positions to the first one, which leads.
+def formation_of(source: Path, placed: Sequence[NewVehicle], prefix: str) -> list[NewVehicle]:
+    """Return vehicles at positions `offset_m` as a formation behind the first one.
 
-    Names get small letters, and the prefix if they do not begin with a letter. Raises `FleetError` if two are
-    the same then.
+    Names get small letters, and the prefix if they do not begin with a letter; empty ports become simulated.
+    Raises `FleetError` if two names are the same then.
     """
     vehicles = []
-    for name, port, position_m, battery in placed:
-        short = name_of(name)
-        short = short if short[:1].isalpha() else f"{prefix}{short}"
-        x, y, z = (
-            round(float(own - of_first), 4)
-            for own, of_first in zip(position_m, placed[0].position_m, strict=True)
-        )
-        vehicles.append(NewVehicle(short, name, port or f"radio-{short}", (x, y, z), battery))
+    for vehicle in placed:
+        name = name_of(vehicle.name)
+        name = name if name[:1].isalpha() else f"{prefix}{name}"
+        apart = zip(vehicle.offset_m or (), placed[0].offset_m or (), strict=True)
+        x, y, z = (round(float(own - of_first), 4) for own, of_first in apart)
+        vehicles.append(vehicle._replace(name=name, port=vehicle.port or f"radio-{name}", offset_m=(x, y, z)))
     if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
         raise FleetError(f"{source}: names of vehicles differ only in capital letters or signs")
     return vehicles
@@ -65,42 +68,50 @@ class NewLaboratory(NamedTuple):
     tracker: str  # HOST:PORT of the Tracker's data stream
     volume_min_m: tuple[float, float, float]
     volume_max_m: tuple[float, float, float]  # corners of the flight volume in the Tracker's frame
-    protocol: str | None  # protocol of all radio modules; None for that of the type
-    type: str  # type of all vehicles
     vehicles: Sequence[NewVehicle]  # the first one leads
-    brand: str = "vicon"  # kind of the motion capture
+    brand: str = OWN_CLIENT  # kind of the motion capture
     rate_hz: float | None = None  # capture rate; None where the motion capture reports it
     simulator: str = ""  # text of the sections of the simulator; empty with hardware
 
-    @property
-    def binds(self) -> bool:
-        """Whether receivers are bound to radio modules and calibrated."""
-        protocol = self.protocol or vehicle_type(self.type).file.transmitter.protocol
-        return protocol in MODEL_MATCH_OPTIONS
+    def next_steps(self, path: Path) -> list[str]:
+        """Return what comes after writing the file, in order; for each type by its first vehicle."""
+        firsts: dict[str, NewVehicle] = {}
+        for vehicle in self.vehicles:
+            firsts.setdefault(vehicle.type, vehicle)
+        steps = [] if self.brand == OWN_CLIENT else ["pip install 'rcopterx[mocap]'"]
+        for vehicle in () if self.simulator else firsts.values():
+            steps += FIRMWARE_STEPS.get(vehicle.protocol, ())
+            if vehicle.protocol in MODEL_MATCH_OPTIONS:
+                steps += [f"rcopterx {what} {vehicle.name} -f {path}" for what in BENCH]
+        return [*steps, f"rcopterx up {path}", "rcopterx check"]
+
+    def check(self) -> FleetFile:
+        """Return the fleet, checked as far as no kernels are needed; `FleetError` names the wrong answer."""
+        fleet = parse_fleet(fleet_file_text(self, Path()))
+        tracker_address(fleet)
+        brand_of(fleet)
+        check_ports(fleet, run_directory(fleet.name, None))
+        return fleet
 
 
 def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
     """Write a fleet file that passes every check without hardware, or raise `FleetError`."""
-    text = fleet_file_text(laboratory, path)
-    fleet = parse_fleet(text)
+    fleet = laboratory.check()
     check_fleet(fleet, run_directory(fleet.name, None))
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            file.write(fleet_file_text(laboratory, path))
     except FileExistsError:
         raise FleetError(f"{path}: exists already and is not overwritten") from None
 
 
 def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
     """Return the text of the file, with comments on the next steps."""
-    first = laboratory.vehicles[0].name
-    bench = laboratory.binds and not laboratory.simulator
-    commands = ("bind", "range-check", "calibrate") if bench else ()
-    steps = [f"{command} {first} -f {path}" for command in commands] + [f"up {path}"]
-    comments = "\n".join(f"#     rcopterx {step}" for step in steps)
+    comments = "\n".join(f"#     {step}" for step in laboratory.next_steps(path))
     rate = "" if laboratory.rate_hz is None else f"rate_hz = {laboratory.rate_hz:g}\n"
     parts = [
         f"""\
+#:schema {SCHEMA}
 # Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
 # Next steps, in this order, with the fleet down:
 {comments}
@@ -140,7 +151,7 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
     key = tomlkit.key(vehicle.name).as_string()
     lines = [
         f"[vehicles.{key}]",
-        f"type = {quoted(laboratory.type)}    # rcopterx types lists all",
+        f"type = {quoted(vehicle.type)}    # rcopterx types lists all",
         f"subject = {quoted(vehicle.subject)}    # its name in the Tracker",
     ]
     if number > 0:
@@ -156,12 +167,12 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
         "",
         f"[vehicles.{key}.transmitter]",
         f"port = {quoted(vehicle.port)}",
-        *([] if laboratory.protocol is None else [f"protocol = {quoted(laboratory.protocol)}"]),
     ]
-    if laboratory.binds:
+    if vehicle.protocol in MODEL_MATCH_OPTIONS:
         lines += [
             f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
             "# low_power = true    # often enough indoors",
+            '# protocol = "dsm2_serial"    # of a radio that is no Multiprotocol module: docs/hardware.md',
         ]
     if vehicle.battery:
         lines += [

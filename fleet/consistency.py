@@ -20,6 +20,7 @@ def check_consistency(fleet: FleetFile) -> None:
     _check_security(fleet)
     _check_files(fleet)
     _check_leaders(fleet)
+    _check_periods(fleet)
 
 
 def _check_vehicles(fleet: FleetFile) -> None:
@@ -164,3 +165,20 @@ def _check_once(where: str, names: Sequence[str]) -> None:
     for number, name in enumerate(names):
         if name in names[:number]:
             raise FleetError(f"{where.format(number)}: {name!r} is named twice")
+
+
+def _check_periods(fleet: FleetFile) -> None:
+    """Check that a control period is a whole number of frames, because poses pace the agents."""
+    where, camera = ("tracker", fleet.tracker) if fleet.simulator is None else ("simulator", fleet.simulator)
+    rate_hz = camera.rate_hz
+    if rate_hz is None:  # a Vicon Tracker reports it once it is connected
+        return
+    for name, vehicle in fleet.vehicles.items():
+        period_s = vehicle.control.period_s
+        frames = period_s * rate_hz
+        if round(frames) < 1 or abs(frames - round(frames)) > 0.01:
+            raise FleetError(
+                f"vehicles.{name}.control.period_s: {period_s:g} s is no whole number of frames of "
+                f"{where}.rate_hz = {rate_hz:g} Hz; {max(round(frames), 1) / rate_hz:.6g} s or "
+                f"{max(round(frames), 1) / period_s:g} Hz would fit"
+            )

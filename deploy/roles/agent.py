@@ -125,19 +125,3 @@ def succession_of(fleet: FleetFile, name: str) -> Succession:
         },
         promotable=frozenset(promotable),
     )
-
-
-def check_period(fleet: FleetFile, name: str) -> None:
-    """Check that a control period is a whole number of frames, because poses pace the agents."""
-    simulated = fleet.simulator is not None
-    rate_hz = fleet.tracker.rate_hz if fleet.simulator is None else fleet.simulator.rate_hz
-    if rate_hz is None:  # a Vicon Tracker reports it once it is connected
-        return
-    period_s = fleet.vehicles[name].control.period_s
-    frames = period_s * rate_hz
-    if round(frames) < 1 or abs(frames - round(frames)) > 0.01:
-        raise FleetError(
-            f"vehicles.{name}.control.period_s: {period_s:g} s is no whole number of frames of "
-            f"{'simulator' if simulated else 'tracker'}.rate_hz = {rate_hz:g} Hz; "
-            f"{max(round(frames), 1) / rate_hz:.6g} s or {max(round(frames), 1) / period_s:g} Hz would fit"
-        )

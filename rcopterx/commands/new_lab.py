@@ -1,22 +1,30 @@
 """The first fleet file of a laboratory: `new-lab` asks for it, `import` reads it from other software."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from typer import Argument, Option
 
 from rcopterx.commands.parsing import three
-from rcopterx.user_text import TextError, host_and_port
+from rcopterx.user_text import host_and_port, number_in
 
 if TYPE_CHECKING:
-    from rcopterx.deploy.new_laboratory import NewVehicle
-
-
-T = TypeVar("T")
+    from rcopterx.deploy.new_laboratory import NewLaboratory, NewVehicle
 
 LOOK_S = 3.0
+RATE_HZ: Final = 100.0
+LOW: Final = "-1.5,-1.5,0"
+HIGH: Final = "1.5,1.5,2"
+CRAZYFLIE: Final = "radio://0/80/2M/E7E7E7E7"  # and two digits
+BRANDS: Final = {
+    "vicon": (801, "Vicon Tracker or Nexus: the data stream, which reports its rate"),
+    "optitrack": (1510, "OptiTrack Motive: NatNet; the port is that of commands"),
+    "qualisys": (22222, "Qualisys Track Manager"),
+    "vrpn": (3883, "any server of VRPN"),
+}
+"""Usual port and a line on each."""
 MOTION_CAPTURE = "motion_capture.yaml"
 
 NewFleetFile = Annotated[Path, Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")]
@@ -35,74 +43,136 @@ def _import() -> None:
     """Write a fleet file from files of other software."""
 
 
-def new_lab(
-    file: NewFleetFile,
-    vehicle_type: Annotated[
-        str, Option("--type", metavar="NAME", help="Type of the vehicles; rcopterx types lists them.")
-    ] = "coaxial",
-    protocol: Annotated[
-        str | None,
-        Option(
-            metavar="multi|dsm2_serial|dsmp|ppm|crazyflie|mavlink",
-            help="Protocol of the radio modules; by default that of the type.",
-        ),
-    ] = None,
-) -> None:
+def new_lab(file: NewFleetFile) -> None:
     """Write the fleet file of a laboratory with hardware; asks for addresses, vehicles and the volume."""
-    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
-    from rcopterx.fleet.vehicle_types import type_names
-
-    name = name_of(file.stem)
-    _check(file, name, vehicle_type, protocol)
-    _print("vehicle types, for --type", type_names())
-    address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
-    vehicles = _prompt_vehicles(address)
-    low_m = _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three)
-    high_m = _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three)
-    write_fleet_file(file, NewLaboratory(name, address, low_m, high_m, protocol, vehicle_type, vehicles))
-    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
-
-
-def _check(file: Path, name: str, vehicle_type: str, protocol: str | None) -> None:
-    """Check what no answer changes, before the first question; raises `FleetError`."""
     from rcopterx.bus.message import Name
+    from rcopterx.deploy.new_laboratory import name_of, write_fleet_file
     from rcopterx.fleet.reading import converted
-    from rcopterx.fleet.schema import FleetError, ProtocolName, check_known
-    from rcopterx.fleet.vehicle_types import type_names
+    from rcopterx.fleet.schema import FleetError
 
     if file.exists():
         raise FleetError(f"{file}: exists already and is not overwritten")
     if not file.parent.is_dir():
         raise FleetError(f"{file.parent}: no such directory")
-    converted(name, Name, f"{file}: name of the fleet")
-    check_known("--type", "type", vehicle_type, type_names())
-    if protocol is not None:
-        check_known("--protocol", "protocol", protocol, get_args(ProtocolName))
+    dialogue = Dialogue(converted(name_of(file.stem), Name, f"{file}: name of the fleet"))
+    dialogue.ask_for_motion_capture()
+    dialogue.ask_for_vehicles()
+    dialogue.ask_for_volume()
+    write_fleet_file(file, dialogue.laboratory)
+    names = ", ".join(vehicle.name for vehicle in dialogue.laboratory.vehicles)
+    typer.echo(f"{file}: {names}; next, with the fleet down:")
+    for step in dialogue.laboratory.next_steps(file):
+        typer.echo(f"    {step}")
 
 
-def _prompt_vehicles(address: str) -> "list[NewVehicle]":
-    """Ask for the subjects that fly and their radios."""
-    from rcopterx.deploy.new_laboratory import NewVehicle
-    from rcopterx.transmitter_gateway.adapters import plugged_in
+class Dialogue:
+    """Asks about a laboratory; what its fleet file may not contain is requested again at once."""
 
-    seen = _subjects_of(address)
-    adapters = plugged_in()
-    _print("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
-    wanted = _prompt("Subjects that fly, separated by commas", ",".join(seen) or None, str)
-    subjects = [text.strip() for text in wanted.split(",") if text.strip()]
-    ports = (one.port for one in adapters)
-    return [
-        NewVehicle(f"h{number}", subject, _prompt(f"Serial device of {subject}", next(ports, None), str))
-        for number, subject in enumerate(subjects, start=1)
-    ]
+    def __init__(self, name: str) -> None:
+        from rcopterx.deploy.new_laboratory import NewLaboratory, NewVehicle
+        from rcopterx.transmitter_gateway.adapters import plugged_in
+
+        self._adapters = plugged_in()
+        self._first = NewVehicle("h1", "h1", "radio-h1", "coaxial")
+        self.laboratory = NewLaboratory(name, "127.0.0.1:801", three(LOW), three(HIGH), [self._first])
+        """What the answers so far say."""
+
+    def _ask(self, question: str, default: str | None, change: "Callable[[str], NewLaboratory]") -> None:
+        """Change the laboratory by an answer from terminal or pipe; raises `FleetError` without one."""
+        from rcopterx.fleet.schema import FleetError
+
+        def changed(text: str) -> "NewLaboratory":
+            try:
+                laboratory = change(text.strip())
+                laboratory.check()
+            except ValueError as error:
+                raise typer.BadParameter(str(error)) from None
+            return laboratory
+
+        try:
+            self.laboratory = typer.prompt(question, default=default, err=True, value_proc=changed)
+        except typer.Abort:
+            raise FleetError(f"no answer to {question!r}") from None
+
+    def ask_for_motion_capture(self) -> None:
+        """Ask for brand, address and rate of the motion capture."""
+
+        def of_brand(text: str) -> "NewLaboratory":
+            address, rate_hz = f"127.0.0.1:{BRANDS.get(text, (1,))[0]}", None if text == "vicon" else RATE_HZ
+            return self.laboratory._replace(brand=text, tracker=address, rate_hz=rate_hz)
+
+        def of_rate(text: str) -> "NewLaboratory":
+            return self.laboratory._replace(rate_hz=number_in(text, "rate"))
+
+        _print("brands of motion capture", [f"{name:10} {text}" for name, (_, text) in BRANDS.items()])
+        self._ask("Brand of the motion capture", "vicon", of_brand)
+        address = self.laboratory.tracker
+        self._ask("Its address, HOST:PORT", address, lambda text: self.laboratory._replace(tracker=text))
+        if self.laboratory.rate_hz is not None:
+            self._ask("Its rate in Hz", f"{RATE_HZ:g}", of_rate)
+
+    def ask_for_vehicles(self) -> None:
+        """Ask for the subjects that fly, and for type and radio of each."""
+        from rcopterx.fleet.vehicle_types import type_names, vehicle_type
+
+        def of_subjects(text: str) -> "NewLaboratory":
+            subjects = [part.strip() for part in text.split(",") if part.strip()]
+            vehicles = [
+                self._first._replace(name=f"h{number}", subject=subject, port=f"radio-h{number}")
+                for number, subject in enumerate(subjects, 1)
+            ]
+            return self.laboratory._replace(vehicles=vehicles)
+
+        seen = _subjects_of(self.laboratory.tracker) if self.laboratory.brand == "vicon" else []
+        self._ask("Subjects that fly, separated by commas", ",".join(seen) or None, of_subjects)
+        found = [f"{one.port}  ({one.device}, {one.description})" for one in self._adapters]
+        _print("serial adapters", found)
+        _print("types of vehicles", [f"{name:18} {vehicle_type(name).file.text}" for name in type_names()])
+        before: list[NewVehicle] = []
+        for vehicle in self.laboratory.vehicles:
+            self._ask_for_vehicle(vehicle, before)
+            before = [*self.laboratory.vehicles]
+
+    def _ask_for_vehicle(self, vehicle: "NewVehicle", before: "Sequence[NewVehicle]") -> None:
+        """Ask for type and radio of a vehicle, which flies with those before it."""
+        taken = {one.port for one in before}
+        ports = [one.port for one in self._adapters if one.port not in taken]
+        addresses = [f"{CRAZYFLIE}{number:02X}" for number in range(1, 256)]
+
+        def of_type(text: str) -> "NewLaboratory":
+            own = vehicle._replace(type=text)
+            port = next(iter(ports), own.port)
+            if own.protocol == "crazyflie":
+                port = next(address for address in addresses if address not in taken)
+            return self.laboratory._replace(vehicles=[*before, own._replace(port=port)])
+
+        self._ask(f"Type of {vehicle.subject}", before[-1].type if before else vehicle.type, of_type)
+        own = self.laboratory.vehicles[-1]
+        what = "Address of" if own.protocol == "crazyflie" else "Serial device of the radio of"
+        self._ask(
+            f"{what} {own.subject}",
+            None if own.port == vehicle.port else own.port,
+            lambda text: self.laboratory._replace(vehicles=[*before, own._replace(port=text)]),
+        )
+
+    def ask_for_volume(self) -> None:
+        """Ask for the corners of the flight volume."""
+
+        def of_low(text: str) -> "NewLaboratory":
+            low_m = three(text)
+            x, y, z = (max(high, low + 1.0) for low, high in zip(low_m, three(HIGH), strict=True))
+            return self.laboratory._replace(volume_min_m=low_m, volume_max_m=(x, y, z))
+
+        self._ask("Lower corner of the volume, X,Y,Z in metres", LOW, of_low)
+        upper = "Upper corner of the volume, X,Y,Z in metres"
+        self._ask(upper, HIGH, lambda text: self.laboratory._replace(volume_max_m=three(text)))
 
 
 def _subjects_of(address: str) -> list[str]:
     """Subjects that the Tracker lists; none, with the reason printed, if it does not answer."""
     from rcopterx.vicon_gateway.client import DataStreamClient
 
-    host, port = host_and_port(_address(address))
-    with DataStreamClient(host, port) as client:
+    with DataStreamClient(*host_and_port(address)) as client:
         if (frame := client.next_frame(LOOK_S)) is None:
             why = client.state.last_error or client.state.doing
             typer.echo(f"{address}: {why}; type the names of the subjects", err=True)
@@ -112,29 +182,10 @@ def _subjects_of(address: str) -> list[str]:
     return [one.name for one in frame.subjects]
 
 
-def _address(text: str) -> str:
-    try:
-        host_and_port(text)
-    except TextError as error:
-        raise typer.BadParameter(str(error)) from None
-    return text
-
-
 def _print(what: str, found: list[str]) -> None:
     typer.echo(f"{what}:" if found else f"{what}: none", err=True)
     for line in found:
         typer.echo(f"    {line}", err=True)
-
-
-def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
-    """Answer from the terminal or from a pipe, repeated until it is valid; raises FleetError without one."""
-    from rcopterx.fleet.schema import FleetError
-
-    try:
-        answer: T = typer.prompt(question, default=default, err=True, value_proc=read)
-    except typer.Abort:
-        raise FleetError(f"no answer to {question!r}") from None
-    return answer
 
 
 @import_.command()
@@ -150,8 +201,8 @@ def crazyswarm2(
         float | None,
         Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
     ] = None,
-    volume_min: LowerCorner = "-1.5,-1.5,0",
-    volume_max: UpperCorner = "1.5,1.5,2",
+    volume_min: LowerCorner = LOW,
+    volume_max: UpperCorner = HIGH,
 ) -> None:
     """Write the fleet file of the enabled Crazyflies of Crazyswarm2, with their motion capture."""
     from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
@@ -161,7 +212,7 @@ def crazyswarm2(
     vehicles = read_vehicles(source, remarks)
     brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE), remarks)
     name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-    laboratory = NewLaboratory(name, address, *corners, None, "crazyflie", vehicles, brand, rate_hz)
+    laboratory = NewLaboratory(name, address, *corners, vehicles, brand, rate_hz)
     write_fleet_file(file, laboratory)
     for remark in remarks:
         typer.echo(f"remark: {remark}", err=True)

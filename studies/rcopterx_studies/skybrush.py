@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy.interpolate import BPoly
 
-from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
+from rcopterx.deploy.new_laboratory import NewVehicle, formation_of
 from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
@@ -117,7 +117,8 @@ def _other_format(path: Path) -> str:
 
 def read_vehicles(path: Path) -> list[NewVehicle]:
     """Return a simulated vehicle for each drone of a show file, at its first position; raises FleetError."""
-    placed = [PlacedVehicle(drone.name, None, drone.positions_m[0]) for drone in read_show(path)]
+    drones = read_show(path)
+    placed = [NewVehicle(one.name, one.name, "", "coaxial", one.positions_m[0].tolist()) for one in drones]
     return formation_of(path, placed, "drone_")
 
 

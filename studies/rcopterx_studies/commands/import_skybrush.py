@@ -34,7 +34,7 @@ def import_skybrush(
     vehicles = read_vehicles(show)
     name, low_m, high_m = name_of(file.stem), three(volume_min), three(volume_max)
     simulator = _simulator_text(vehicles, low_m, high_m)
-    laboratory = NewLaboratory(name, TRACKER, low_m, high_m, None, "coaxial", vehicles, simulator=simulator)
+    laboratory = NewLaboratory(name, TRACKER, low_m, high_m, vehicles, simulator=simulator)
     write_fleet_file(file, laboratory)
     typer.echo(f"{file}: {len(vehicles)} vehicles; fly the show: examples/light_show --fleet {file}")
 

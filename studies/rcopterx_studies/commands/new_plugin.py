@@ -29,7 +29,7 @@ class Kind(StrEnum):
 USED_BY: Final = {
     Kind.CONTROLLER: "rcopterx tune h2 --controller",
     Kind.ESTIMATOR: "rcopterx tune h2 --estimator",
-    Kind.VEHICLE_TYPE: "rcopterx new-lab lab.toml --type",
+    Kind.VEHICLE_TYPE: "rcopterx new-lab lab.toml    # type",
 }
 
 
