@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from rcopterx.bus import channels
@@ -21,8 +21,8 @@ EVENT_CHANNELS: Final[tuple[Channel[Any], ...]] = (
 """Channels from which `EventFeed` reads."""
 QUIET_VERBS: Final = frozenset({"recall", "prepare_leaders"})  # requests of processes, not of people
 KILL_PAUSE_S: Final = 1.0  # kills are repeated while they are active; one after such a pause is another one
-KEPT: Final = 200
-MERGED_S: Final = 30.0  # counted events with the same text within this time share a line
+KEPT: Final = 60
+MERGED_S: Final = 30.0  # events with the same text within this time share a line
 QUIET_COUNTS: Final = frozenset({"not_converged"})  # fallbacks that happen too often to be shown
 
 
@@ -94,33 +94,43 @@ def _request(unit: str, answered: AnsweredRequest, time_s: float) -> Iterator[Lo
     yield LoggedEvent(time_s, unit, text, not reply.accepted)
 
 
+@dataclass
+class EventLine:
+    """An event that happened to several vehicles, or several times, within `MERGED_S`."""
+
+    text: str
+    began_s: float
+    newest_s: float = 0.0
+    alarming: bool = False
+    counts: dict[str, int] = field(default_factory=dict)  # how often, by vehicle
+
+
 class Timeline:
-    """The newest events of a fleet, from one set of states to the next."""
+    """The newest events of a fleet, from one set of states to the next, by the end of their lines."""
 
     def __init__(self) -> None:
-        self.events: deque[LoggedEvent] = deque(maxlen=KEPT)
+        self.lines: deque[EventLine] = deque(maxlen=KEPT)
         self._before: dict[str, VehicleState] = {}
 
     def compare(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
         """Add the changes since the last call."""
         for name, state in states.items():
-            before = self._before.get(name)
-            if before is not None:
+            if (before := self._before.get(name)) is not None:
                 for event in changes(now_s, before, state):
-                    self._add(event)
+                    self.add(event)
         self._before = dict(states)
 
-    def _add(self, event: LoggedEvent) -> None:
-        """Add an event, or its count to a recent line with the same text."""
-        if event.count:
-            for number in range(len(self.events) - 1, -1, -1):
-                earlier = self.events[number]
-                if event.time_s - earlier.time_s > MERGED_S:
-                    break
-                if (earlier.vehicle, earlier.text) == (event.vehicle, event.text) and earlier.count:
-                    self.events[number] = replace(earlier, count=earlier.count + event.count)
-                    return
-        self.events.append(event)
+    def add(self, event: LoggedEvent) -> None:
+        """Add an event, to the line with its text if that has begun a moment ago."""
+        alike = (one for one in self.lines if one.text == event.text)
+        line = next((one for one in alike if event.time_s - one.began_s < MERGED_S), None)
+        if line is None:
+            line = EventLine(event.text, event.time_s)
+        else:
+            self.lines.remove(line)
+        line.newest_s, line.alarming = event.time_s, event.alarming
+        line.counts[event.vehicle] = line.counts.get(event.vehicle, 0) + max(1, event.count)
+        self.lines.append(line)
 
 
 def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator[LoggedEvent]:

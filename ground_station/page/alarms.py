@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from rcopterx.ground_station.page.sentences import Level
+from rcopterx.ground_station.page.sentences import Level, taken_over
 from rcopterx.ground_station.quantities import battery_low, voltage
 from rcopterx.ground_station.scripting.state import VehicleState
 
@@ -19,27 +19,14 @@ SLOW: Final = "this computer is too slow for its fleet"
 _SLOW: Final = re.compile(rf"{SLOW}|more agents run on this computer|: a call took longer than \d+ ms")
 _NUMBERS: Final = re.compile(r"[\d.█░]+")
 CHARGE: Final = "land it, and charge its battery"
-_SLOW_REMEDY: Final = (
-    "end other programs, fly fewer vehicles, or shorten horizons; rcopterx doctor measures it"
-)
-
-_ACTS: Final = {
-    "hold": "its transmitter gateway holds it in place",
-    "land": "its transmitter gateway lands it",
-    "descend": "its transmitter gateway brings it down",
-    "cut": "its motors are cut",
-    "killed": "KILLED",
-}
+_SLOW_REMEDY: Final = "end other programs, or fly fewer vehicles; rcopterx doctor measures it"
+_LATE: Final = "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason"
 _REMEDIES: Final = (
     ("battery", "charge its battery"),
     ("landed", "set it down in the volume, and take off again"),
-    ("commands", "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason"),
-    (
-        "planned inputs",
-        "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason",
-    ),
-    ("raw poses", "check that the motion capture sees all its markers, inside the volume"),
-    ("own pose", "check that the motion capture sees all its markers, inside the volume"),
+    ("commands", _LATE),
+    ("planned inputs", _LATE),
+    ("pose", "check that the motion capture sees all its markers, inside the volume"),
     ("far outside", "carry it back into the volume"),
     ("serial link", "plug its radio in again"),
     ("transmitter not ready", "check its radio: rcopterx check names the problem"),
@@ -66,7 +53,6 @@ class Alarm(Struct):
     text: str
     level: Level
     remedy: str
-    began_s: float
     seen_s: float = 0.0
     vehicles: list[str] = []
     count: int = 0
@@ -96,12 +82,9 @@ def causes_of(state: VehicleState) -> Iterator[Cause]:
 
 def _of_arbiter(state: VehicleState) -> Cause:
     """Cause of a vehicle that its transmitter gateway flies, or whose motors it has cut."""
-    reason, acts = state.reason, _ACTS[state.transmitter_state]
-    safe = state.transmitter_state == "hold" or (
-        state.transmitter_state == "cut" and reason.startswith("landed")
-    )
-    remedy = next((what for key, what in _REMEDIES if key in f"{state.transmitter_state}: {reason}"), "")
-    return Cause(f"{acts}: {reason}", "amber" if safe else "red", remedy, state.name)
+    words, known = taken_over(state), f"{state.transmitter_state}: {state.reason}"
+    remedy = next((what for key, what in _REMEDIES if key in known), "")
+    return Cause(f"{words.text}: {state.reason}", words.level, remedy, state.name)
 
 
 def _of_remark(remark: str, name: str) -> Cause:
@@ -109,9 +92,7 @@ def _of_remark(remark: str, name: str) -> Cause:
         return Cause(SLOW, "amber", _SLOW_REMEDY)
     if remark.startswith("it lands"):
         return Cause(remark, "red", "wait until it has landed", name)
-    if "battery" in remark:
-        return Cause(remark, "amber", CHARGE, name)
-    return Cause(remark, "amber", "", name)
+    return Cause(remark, "amber", CHARGE if "battery" in remark else "", name)
 
 
 class AlarmBoard:
@@ -127,7 +108,7 @@ class AlarmBoard:
             alarm.over = True
         for cause in causes:
             key = _NUMBERS.sub("", cause.text)
-            alarm = self._alarms.setdefault(key, Alarm(cause.text, cause.level, cause.remedy, now_s))
+            alarm = self._alarms.setdefault(key, Alarm(cause.text, cause.level, cause.remedy))
             if alarm.over:
                 alarm.count += key not in before
                 alarm.vehicles, alarm.over, alarm.seen_s = [], False, now_s
@@ -135,4 +116,4 @@ class AlarmBoard:
                 alarm.vehicles.append(cause.vehicle)
             alarm.text, alarm.level, alarm.remedy = cause.text, cause.level, cause.remedy
         self._alarms = {key: one for key, one in self._alarms.items() if now_s - one.seen_s <= GONE_S}
-        return sorted(self._alarms.values(), key=lambda one: (one.over, one.level != "red", one.began_s))
+        return sorted(self._alarms.values(), key=lambda one: (one.over, one.level != "red"))

@@ -8,6 +8,7 @@ import os
 import secrets
 import threading
 from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
 from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
@@ -46,15 +47,24 @@ class PageServer:
         self._key, self._files, self._stream = key, files, stream
         self.perform: Callable[[str], Callable[[], object]] | None = None
         """Decodes a request of a page, or raises `RequestRejectedError`; None while nothing steers."""
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, name="page", daemon=True)
+        started: Future[int] = Future()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve(port, started)), daemon=True)
         self._thread.start()
+        self.port = started.result()
+
+    async def _serve(self, port: int, started: "Future[int]") -> None:
+        """Serve until `stop`; the loop then ends what is left, as connections without a request."""
         try:
-            self._server = asyncio.run_coroutine_threadsafe(self._listen(port), self._loop).result()
-        except OSError:
-            self._end_loop()
-            raise
-        self.port: int = self._server.sockets[0].getsockname()[1]
+            server = await self._listen(port)
+        except OSError as error:
+            started.set_exception(error)
+            return
+        self._loop, self._ending = asyncio.get_running_loop(), asyncio.Event()
+        started.set_result(server.sockets[0].getsockname()[1])
+        await self._ending.wait()
+        server.close()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), END_S)
 
     async def _listen(self, port: int) -> Server:
         for number in range(port, min(port + PORTS_TRIED, 65536)):
@@ -75,24 +85,8 @@ class PageServer:
 
     def stop(self) -> None:
         """Close all connections and stop serving."""
-
-        async def close() -> None:
-            self._server.close()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._server.wait_closed(), END_S)
-            # Connections without a request would end only after ten seconds.
-            others = asyncio.all_tasks() - {asyncio.current_task()}
-            for task in others:
-                task.cancel()
-            await asyncio.gather(*others, return_exceptions=True)
-
-        asyncio.run_coroutine_threadsafe(close(), self._loop).result()
-        self._end_loop()
-
-    def _end_loop(self) -> None:
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._loop.call_soon_threadsafe(self._ending.set)
         self._thread.join()
-        self._loop.close()
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:  # noqa: ARG002
         """Answer a request; None for a WebSocket that is accepted."""
@@ -101,13 +95,16 @@ class PageServer:
         key, _, place = path.strip("/").partition("/")
         refusal = self._refusal(key, headers.get_all("Host"), headers.get_all("Origin"))
         if refusal is not None:
-            return _text(HTTPStatus.FORBIDDEN, refusal)
+            return _answer(HTTPStatus.FORBIDDEN, refusal)
         if place == FEED:
             return None
         if place == DO:
-            return self._start(query) if FROM_PAGE in headers else _text(HTTPStatus.FORBIDDEN, NOT_FROM_PAGE)
-        content = self._files(place)
-        return _text(HTTPStatus.FORBIDDEN, WRONG_ADDRESS) if content is None else _file(place, content)
+            return (
+                self._start(query) if FROM_PAGE in headers else _answer(HTTPStatus.FORBIDDEN, NOT_FROM_PAGE)
+            )
+        if (content := self._files(place)) is None:
+            return _answer(HTTPStatus.FORBIDDEN, WRONG_ADDRESS)
+        return _answer(HTTPStatus.OK, content, KINDS[Path(place or "index.html").suffix])
 
     def _refusal(self, key: str, hosts: list[str], origins: list[str]) -> str | None:
         """Return why a request is refused, by its path and headers; None if it is accepted."""
@@ -123,13 +120,13 @@ class PageServer:
     def _start(self, query: str) -> Response:
         """Start what a page requests, in a thread of its own."""
         if self.perform is None:
-            return _text(HTTPStatus.FORBIDDEN, "this page does not steer a fleet")
+            return _answer(HTTPStatus.FORBIDDEN, "this page does not steer a fleet")
         try:
             action = self.perform(unquote(query))
         except RequestRejectedError as error:
-            return _text(HTTPStatus.BAD_REQUEST, str(error))
+            return _answer(HTTPStatus.BAD_REQUEST, str(error))
         threading.Thread(target=action, name=DO).start()
-        return _text(HTTPStatus.ACCEPTED, "")
+        return _answer(HTTPStatus.ACCEPTED, "")
 
 
 WRONG_ADDRESS: Final = "the address of the page is the one that `rcopterx ground` has printed"
@@ -137,15 +134,8 @@ NOT_FROM_PAGE: Final = "only the page itself may request this"
 KINDS: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 
 
-def _text(status: HTTPStatus, text: str) -> Response:
-    return _response(status, "text/plain", f"{text}\n".encode())
-
-
-def _file(name: str, content: bytes) -> Response:
-    return _response(HTTPStatus.OK, KINDS[Path(name or "index.html").suffix], content)
-
-
-def _response(status: HTTPStatus, kind: str, body: bytes) -> Response:
+def _answer(status: HTTPStatus, content: str | bytes, kind: str = "text/plain") -> Response:
+    body = content if isinstance(content, bytes) else f"{content}\n".encode()
     headers = {
         "Cache-Control": "no-store",
         "Connection": "close",

@@ -19,8 +19,6 @@ SIGNALS: Final = (
     ("latency_ms", "pose to radio, median", "ms", 1),
 )  # fmt: skip
 """Signals that plots offer: name, label, unit, digits after the point."""
-_UNKNOWN: Final = (None, None, None)
-_NO_STICKS: Final = (None, None, None, None)
 
 
 def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float | None]:
@@ -30,11 +28,11 @@ def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float
     yaw_rad = None if agent is None else agent.yaw_rad
     battery = None if state.transmitter is None else state.transmitter.battery
     values = (
-        *(state.position_m or _UNKNOWN),
+        *(state.position_m or 3 * (None,)),
         None if yaw_rad is None else shown_heading_deg(yaw_rad),
-        *(_UNKNOWN if flown is None else flown[:3]),
+        *(3 * (None,) if flown is None else flown[:3]),
         None if state.error_m is None else 1000.0 * state.error_m,
-        *(sticks or _NO_STICKS),
+        *(sticks or 4 * (None,)),
         None if agent is None else agent.diagnostics.solve_ms_p50,
         None if battery is None else battery.voltage_v,
         state.latency_ms.get(TOTAL, {}).get("p50"),

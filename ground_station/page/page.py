@@ -1,9 +1,11 @@
 """The page: serves its files, and keeps browsers up to date."""
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from html import escape
 from itertools import count
 from pathlib import Path
@@ -15,10 +17,9 @@ from rcopterx.ground_station.events import Timeline
 from rcopterx.ground_station.page.alarms import AlarmBoard, causes_of
 from rcopterx.ground_station.page.feed import Feed
 from rcopterx.ground_station.page.guard import PageServer
-from rcopterx.ground_station.page.history import sample_of
-from rcopterx.ground_station.page.requests import decode
+from rcopterx.ground_station.page.history import SAMPLE_S, sample_of
 from rcopterx.ground_station.page.sentences import Words, down_sentence, fleet_sentence, is_down
-from rcopterx.ground_station.page.steering import PageSteering
+from rcopterx.ground_station.page.steering import PageSteering, decode
 from rcopterx.ground_station.page.view import events_shown, fleet_shown, motion_of, row_of
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.joining import WrongFleetError
@@ -32,6 +33,7 @@ COMES_UP_S: Final = 15.0  # how long the page waits for a fleet that is being st
 GONE_S: Final = 3.0
 """How long a fleet is shown as down before the page tries to join it again."""
 NOTICES_KEPT: Final = 5
+_CONTROLS: Final = re.compile("<!--controls-->.*?<!--/controls-->", re.DOTALL)  # parts of the document
 
 
 class PageFrame:
@@ -46,7 +48,8 @@ class PageFrame:
             for path in WEB.rglob("*")
             if path.suffix in (".css", ".js")
         }
-        self._document = (WEB / "index.html").read_text("utf-8")
+        document = (WEB / "index.html").read_text("utf-8")
+        self._document = document if steers else _CONTROLS.sub("", document)
         self.server = PageServer(port, key, self.file, self.feed.stream)
 
     def show(self, sentence: Words) -> None:
@@ -59,25 +62,16 @@ class PageFrame:
         if name:
             return self._files.get(name)
         parts = {"name": self.name, "sentence": self.sentence.text, "level": self.sentence.level}
-        document = self._document if self.steers else _without_controls(self._document)
+        document = self._document
         for part, text in parts.items():
             document = document.replace(f"{{{part}}}", escape(text))
         return document.encode()
 
 
-def _without_controls(document: str) -> str:
-    """Return the document without the parts between comments `controls`."""
-    kept, *others = document.split("<!--controls-->")
-    return kept + "".join(part.partition("<!--/controls-->")[2] for part in others)
-
-
 def keep_showing(
     frame: PageFrame, join: Callable[[], Fleet], stop: Stop, patience_s: float = COMES_UP_S
 ) -> None:
-    """Show a fleet whenever it is up, until a stop is requested.
-
-    `join` raises `BusUnreachableError` while the fleet is down; after `patience_s` the page says so.
-    """
+    """Show a fleet whenever `join` finds it, until a stop; say after `patience_s` that it is down."""
     down_s = time.monotonic() + patience_s
     while not stop.is_set():
         try:
@@ -105,13 +99,13 @@ class FleetPage:
         self._timeline, self._alarms = Timeline(), AlarmBoard()
         self._notices: deque[dict[str, object]] = deque(maxlen=NOTICES_KEPT)
         self._numbers = count(1)
-        self._next_text_s = 0.0
+        self._next_text_s = self._next_sample_s = 0.0
         self._took_off_s: float | None = None
         self.down_since_s: float | None = None
         self.steering = PageSteering(fleet, self.notify) if frame.steers else None
         frame.feed.put("fleet", fleet_shown(fleet.file, frame.steers))
         if self.steering is not None:
-            frame.server.perform = self._perform
+            frame.server.perform = partial(decode, steering=self.steering, vehicles=fleet.file.vehicles)
 
     def run(self, stop: Stop) -> None:
         """Update the page until a stop is requested, or no process of the fleet has reported for a while."""
@@ -122,11 +116,6 @@ class FleetPage:
             next_s = max(next_s + UPDATE_S, time.monotonic())
             time.sleep(max(0.0, next_s - time.monotonic()))
         self._frame.server.perform = None
-
-    def _perform(self, text: str) -> Callable[[], object]:
-        """See `PageServer.perform`."""
-        assert self.steering is not None
-        return decode(text, self.steering, self._fleet.file.vehicles)
 
     def notify(self, text: str, refused: bool) -> None:
         """Show an answer in every browser."""
@@ -139,8 +128,11 @@ class FleetPage:
         feed = self._frame.feed
         self._timeline.compare(now_s, states)
         feed.put("motion", {name: motion_of(state, states) for name, state in states.items()})
-        if feed.due(now_s):
-            feed.add_sample(now_s, [sample_of(state, self._sticks(name)) for name, state in states.items()])
+        if now_s >= self._next_sample_s:
+            self._next_sample_s = now_s + 0.9 * SAMPLE_S
+            newest = {name: inbox.latest() for name, inbox in self._applied.inboxes.items()}
+            sticks = {name: received.message.input for name, received in newest.items() if received}
+            feed.add_sample(now_s, [sample_of(state, sticks.get(name)) for name, state in states.items()])
         if now_s >= self._next_text_s:
             self._next_text_s = now_s + self._fleet.file.clock.speed * TEXT_S
             feed.put("texts", self._texts(now_s, list(states.values())))
@@ -149,6 +141,7 @@ class FleetPage:
         """What is written on the page, by names that its scripts read."""
         down, airborne = is_down(states), any(state.airborne for state in states)
         self.down_since_s = (self.down_since_s or now_s) if down else None
+        self._took_off_s = (self._took_off_s or now_s) if airborne else None
         problems = [] if airborne or down else self._fleet.problems()
         frame = self._frame
         frame.sentence = down_sentence(frame.name) if down else fleet_sentence(states, problems)
@@ -159,21 +152,12 @@ class FleetPage:
         weights = {} if self.steering is None else self.steering.weights
         return shown | {
             "killed": any(state.transmitter_state == "killed" for state in states),
-            "flown_s": self._flown_s(now_s, airborne),
+            "took_off_s": self._took_off_s,
             "recording": ", ".join(sorted({status.state for status in self._fleet.recorders().values()})),
             "problems": problems,
             "notes": self._fleet.notes(),
             "alarms": self._alarms.update(now_s, causes),
             "rows": {state.name: row_of(state) for state in states},
             "powers": {name: one.powers for name, one in weights.items()},
-            "events": events_shown(self._timeline.events),
+            "events": events_shown(self._timeline.lines),
         }
-
-    def _flown_s(self, now_s: float, airborne: bool) -> float | None:
-        self._took_off_s = (self._took_off_s or now_s) if airborne else None
-        return None if self._took_off_s is None else round(now_s - self._took_off_s)
-
-    def _sticks(self, name: str) -> tuple[float, ...] | None:
-        inbox = self._applied.inboxes.get(name)
-        received = None if inbox is None else inbox.latest()
-        return None if received is None else received.message.input

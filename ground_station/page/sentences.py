@@ -5,7 +5,7 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-from rcopterx.ground_station.quantities import battery_low
+from rcopterx.ground_station.quantities import battery_low, hover
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.phases import Phase
 
@@ -13,21 +13,15 @@ Level = Literal["off", "calm", "busy", "amber", "red"]
 DOWN_S: Final = 2.0
 """Age of the newest status of all vehicles from which a fleet counts as down."""
 
-_VERBS: Final = {
-    Phase.FLYING: ("flies", "fly"),
-    Phase.TAKEOFF: ("takes off", "take off"),
-    Phase.LANDING: ("lands", "land"),
-    Phase.EMERGENCY: ("is brought down", "are brought down"),
-    Phase.ARMED: ("is armed", "are armed"),
-    Phase.GROUND: ("on the floor", "on the floor"),
+_PHASES: Final[Mapping[str, tuple[str, str, Level]]] = {
+    Phase.FLYING: ("flies", "fly", "calm"),
+    Phase.TAKEOFF: ("takes off", "take off", "busy"),
+    Phase.LANDING: ("lands", "land", "busy"),
+    Phase.EMERGENCY: ("brought down", "brought down", "red"),
+    Phase.ARMED: ("armed", "armed", "busy"),
+    Phase.GROUND: ("on the floor", "on the floor", "off"),
 }
-_CHIPS: Final[Mapping[str, tuple[str, Level]]] = {
-    Phase.FLYING: ("flies", "calm"),
-    Phase.TAKEOFF: ("takes off", "busy"),
-    Phase.LANDING: ("lands", "busy"),
-    Phase.EMERGENCY: ("brought down", "red"),
-    Phase.ARMED: ("armed", "busy"),
-    Phase.GROUND: ("on the floor", "off"),
+_TAKEN_OVER: Final[Mapping[str, tuple[str, Level]]] = {
     "hold": ("held", "amber"),
     "descend": ("brought down", "red"),
     "land": ("brought down", "red"),
@@ -47,10 +41,17 @@ def chip(state: VehicleState) -> Words:
     """State of a vehicle in at most two words."""
     if state.silent and state.transmitter_state != "killed":
         return Words("silent", "red" if state.airborne else "off")
+    if state.alarming:
+        return taken_over(state)
+    text, _, level = _PHASES.get(state.phase, (state.phase, "", "off"))
+    return Words(text, level)
+
+
+def taken_over(state: VehicleState) -> Words:
+    """What the transmitter gateway does, or has done, with a vehicle that its agent does not fly."""
     if state.transmitter_state == "cut" and state.reason.startswith("landed"):
         return Words("was landed", "amber")
-    known = state.transmitter_state if state.alarming else state.phase
-    return Words(*_CHIPS.get(known, (known, "off")))
+    return Words(*_TAKEN_OVER[state.transmitter_state])
 
 
 def battery(state: VehicleState) -> Words:
@@ -58,8 +59,8 @@ def battery(state: VehicleState) -> Words:
     status = None if state.transmitter is None else state.transmitter.battery
     if status is not None:
         return Words(f"{status.voltage_v:.2f} V", "red" if battery_low(state) else "calm")
-    hover = None if state.agent is None else state.agent.diagnostics.hover_thrust
-    return Words("" if hover is None else f"hover {100 * hover:.0f} %", "calm")
+    share = None if state.agent is None else state.agent.diagnostics.hover_thrust
+    return Words("" if share is None else f"hover {100 * share:.0f} %", "calm")
 
 
 def radio(state: VehicleState) -> Words:
@@ -113,32 +114,27 @@ def _named(texts: Mapping[str, str]) -> list[str]:
 
 
 def _counted(states: Sequence[VehicleState]) -> list[str]:
-    """How many vehicles are in each phase, in the order of `_VERBS`."""
-    counts = {phase: sum(state.phase == phase for state in states) for phase in _VERBS}
-    return [f"{count} {_VERBS[phase][count > 1]}" for phase, count in counts.items() if count]
+    """How many vehicles are in each phase, in the order of `_PHASES`."""
+    counts = {phase: sum(state.phase == phase for state in states) for phase in _PHASES}
+    return [f"{count} {_PHASES[phase][count > 1]}" for phase, count in counts.items() if count]
 
 
 def learned(state: VehicleState) -> list[str]:
     """What a vehicle has learned of itself."""
     if state.agent is None:
         return []
-    values = state.agent.diagnostics
-    found = []
-    if values.hover_thrust is not None:
-        found.append(f"hovers at {100 * values.hover_thrust:.0f} % of the thrust")
-    if values.effort_factor > 1.0:
-        found.append(f"oscillated: sticks weigh {values.effort_factor:g} times as much until it is tuned")
-    if state.learned:
-        found.append(state.learned)
-    elif values.model:
-        found.append(f"flies with an identified model: {', '.join(values.model)}")
-    return found
+    values, model = state.agent.diagnostics, ", ".join(state.agent.diagnostics.model)
+    texts = (
+        hover(values),
+        values.effort_factor > 1.0
+        and f"oscillated: sticks weigh {values.effort_factor:g} times as much until it is tuned",
+        state.learned or (model and f"flies with an identified model: {model}"),
+    )
+    return [text for text in texts if text]
 
 
 def suggestions(leaders: Sequence[str], followers: Sequence[str]) -> str:
     """What to try in flight, in one sentence."""
-    ideas = [f"drag the handle of {leaders[0]}"]
-    if followers:
-        ideas.append(f"choose another leader for {followers[-1]}")
-    ideas.append(f"kill an agent by rcopterx inject kill_agent {leaders[0]}")
-    return f"In flight: {', '.join(ideas[:-1])}, or {ideas[-1]}"
+    others = "".join(f"choose another leader for {name}, " for name in followers[-1:])
+    kill = f"kill an agent by rcopterx inject kill_agent {leaders[0]}"
+    return f"In flight: drag the handle of {leaders[0]}, {others}or {kill}"

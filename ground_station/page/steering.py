@@ -1,61 +1,32 @@
-"""What the page requests of the fleet: every answer is shown."""
+"""What browsers request of the fleet: names of methods, arguments of their types. Every answer is shown."""
 
 import math
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Final, Literal
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cache, partial
+from itertools import accumulate, pairwise
+from typing import Annotated, Any, Final, Literal, get_type_hints
 
-from msgspec import Meta
+import msgspec
+from msgspec import Meta, Struct
 
 from rcopterx.bus.message import Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.shapes import ShapeName, formation_links
 from rcopterx.ground_station.geometry import link_to
+from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.weights import GROUPS, Weights
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, Vehicle
 
 KILL_REASON: Final = "ground station"
 SPEED_M_S: Final = 0.4  # along drawn waypoints
 PACE_S: Final = 1.0  # least time between two waypoints
 
 Notice = Callable[[str, bool], None]  # shows a text, and whether it is a refusal
-ShapeName = Literal["line", "column", "wedge", "ring"]
 Group = Literal["position", "velocity", "heading", "sticks"]
 Power = Annotated[float, Meta(ge=-3, le=3)]
 Spacing = Annotated[float, Meta(ge=0.1, le=10)]
-
-
-def _line(count: int, spacing_m: float) -> list[Place]:
-    sides = (((index // 2) + 1) * (1 if index % 2 == 0 else -1) for index in range(count))
-    return [(0.0, spacing_m * side, 0.0) for side in sides]
-
-
-def _ring(count: int, spacing_m: float) -> list[Place]:
-    """Leader in the middle, followers around it, neighbours and leader at least `spacing_m` apart."""
-    radius_m = max(spacing_m, spacing_m / (2.0 * math.sin(math.pi / count))) if count > 1 else spacing_m
-    angles = (2.0 * math.pi * index / count for index in range(count))
-    return [(radius_m * math.cos(angle), radius_m * math.sin(angle), 0.0) for angle in angles]
-
-
-SHAPES: Final[Mapping[ShapeName, Callable[[int, float], list[Place]]]] = {
-    "line": _line,
-    "column": lambda count, spacing_m: [(-spacing_m * (index + 1), 0.0, 0.0) for index in range(count)],
-    "wedge": lambda count, spacing_m: [
-        (-abs(y), y, 0.0) for _, y, _ in _line(count, spacing_m / math.sqrt(2.0))
-    ],
-    "ring": _ring,
-}
-
-
-def formation_links(
-    shape: ShapeName, leader: str, followers: Sequence[str], spacing_m: float
-) -> dict[str, LeaderLink]:
-    """Links of a formation of `SHAPES`, `spacing_m` apart, in order; offsets turn with the leader."""
-    places = SHAPES[shape](len(followers), spacing_m)
-    return {
-        name: LeaderLink(leader=leader, offset_m=place, frame="heading")
-        for name, place in zip(followers, places, strict=True)
-    }
 
 
 class PageSteering:
@@ -82,7 +53,7 @@ class PageSteering:
         finally:
             with self._lock:
                 self._busy.discard(what)
-        self._notice(done or (answer if isinstance(answer, str) and answer else what), False)
+        self._notice(answer if isinstance(answer, str) and answer else done or what, False)
         return True
 
     def refuse(self, reason: str) -> None:
@@ -91,12 +62,7 @@ class PageSteering:
 
     def take_off(self) -> None:
         """Arm and take off with all vehicles that are ready."""
-
-        def take_off() -> str:
-            behind = self._fleet.take_off()
-            return f"flying; on the floor: {'; '.join(behind)}" if behind else "all fly"
-
-        self.run("take-off", take_off)
+        self.run("take-off", lambda: "; ".join(self._fleet.take_off()), "all fly")
 
     def land(self, name: Name | None) -> None:
         """Land one or all vehicles."""
@@ -105,32 +71,19 @@ class PageSteering:
 
     def kill(self) -> None:
         """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
-        try:
-            self._fleet.kill(reason=KILL_REASON)
-        except FLIGHT_ERRORS as error:
-            self.refuse(str(error))
-        else:
-            self._notice("all motors are cut; reset to fly again", False)
+        done = "all motors are cut; reset to fly again"
+        self.run(f"kill {threading.get_ident()}", lambda: self._fleet.kill(reason=KILL_REASON), done)
 
     def reset(self) -> None:
         """Leave KILLED, for all vehicles that are killed."""
-
-        def reset() -> str:
-            killed = [one for one in self._fleet if one.state.transmitter_state == "killed"]
-            for vehicle in killed:
-                vehicle.reset()
-            return f"reset: {', '.join(one.name for one in killed)}" if killed else "no vehicle is killed"
-
-        self.run("reset", reset)
+        killed = [vehicle for vehicle in self._fleet if vehicle.state.transmitter_state == "killed"]
+        names = ", ".join(vehicle.name for vehicle in killed) or "no vehicle is killed"
+        self.run("reset", lambda: list(map(Vehicle.reset, killed)), f"reset: {names}")
 
     def go_to(self, name: Name, place_m: Place, yaw_rad: float) -> None:
         """Send a vehicle to a set point."""
-        place = ", ".join(f"{value:.2f}" for value in place_m)
-        self.run(
-            f"set point of {name}",
-            lambda: self._fleet[name].go_to(place_m, yaw_rad),
-            f"{name}: on its way to {place} m",
-        )
+        done = f"{name}: on its way to {', '.join(f'{value:.2f}' for value in place_m)} m"
+        self.run(f"set point of {name}", lambda: self._fleet[name].go_to(place_m, yaw_rad), done)
 
     def move(self, name: Name, place_m: Place) -> None:
         """Send a leader to a place, or give a follower that place beside its leader."""
@@ -167,11 +120,8 @@ class PageSteering:
     def formation(self, shape: ShapeName, leader: Name, spacing_m: Spacing) -> None:
         """Bring all flying vehicles into a formation behind a vehicle that leads."""
         flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
-        if leader not in flying:
-            self.refuse(f"{leader} does not fly")
-            return
-        if self._fleet[leader].state.leaders:
-            self.refuse(f"{leader} follows another vehicle; let it lead first")
+        if leader not in flying or self._fleet[leader].state.leaders:
+            self.refuse(f"{leader} does not fly, or follows another vehicle; let it lead first")
             return
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():
@@ -207,11 +157,44 @@ class PageSteering:
         if state.position_m is None or not places_m:
             self.refuse("click waypoints in the scene first")
             return
-        before: Sequence[float] = state.position_m
         yaw_rad = 0.0 if state.agent is None else state.agent.set_point.yaw_rad
-        rows, time_s = [(0.0, *before, yaw_rad)], 0.0
-        for after in places_m:
-            time_s += max(PACE_S, math.dist(before, after) / SPEED_M_S)
-            rows.append((time_s, *after, yaw_rad))
-            before = after
+        places = [state.position_m, *places_m]
+        legs_s = (max(PACE_S, math.dist(a, b) / SPEED_M_S) for a, b in pairwise(places))
+        rows = [(s, *p, yaw_rad) for s, p in zip(accumulate(legs_s, initial=0.0), places, strict=True)]
         self.run(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))
+
+
+ALLOWED: Final = (
+    "kill", "take_off", "land", "reset", "move", "go_to", "follow", "formation", "promote", "use_controller",
+    "weigh", "fly_through",
+)  # fmt: skip
+
+
+class Request(Struct, frozen=True, forbid_unknown_fields=True):
+    """Name of a method and its arguments."""
+
+    do: str
+    arguments: dict[str, Any] = {}
+
+
+@cache
+def _arguments_of(name: str) -> type[Struct]:
+    """Arguments of a method as a type."""
+    hints = get_type_hints(getattr(PageSteering, name), include_extras=True)
+    fields = [(field, hint) for field, hint in hints.items() if field != "return"]
+    return msgspec.defstruct(name, fields, forbid_unknown_fields=True)
+
+
+def decode(text: str, steering: PageSteering, vehicles: Collection[str]) -> Callable[[], object]:
+    """Return what carries out a request; raises `RequestRejectedError` where it is none of the page."""
+    try:
+        request = msgspec.json.decode(text, type=Request)
+        if request.do not in ALLOWED:
+            raise RequestRejectedError(f"no request {request.do!r}")
+        arguments = msgspec.structs.asdict(msgspec.convert(request.arguments, _arguments_of(request.do)))
+    except msgspec.MsgspecError as error:
+        raise RequestRejectedError(f"not a request of the page: {error}") from None
+    for name in (arguments.get("name"), arguments.get("leader")):
+        if name is not None and name not in vehicles:
+            raise RequestRejectedError(f"no vehicle {name!r}")
+    return partial(getattr(steering, request.do), **arguments)

@@ -10,19 +10,17 @@ from rcopterx.bus.messages import Plan
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.formation.shapes import SHAPES
 from rcopterx.ground_station.colours import hex_colour
-from rcopterx.ground_station.events import LoggedEvent
+from rcopterx.ground_station.events import EventLine
 from rcopterx.ground_station.geometry import place_beside
 from rcopterx.ground_station.page.history import SIGNALS
 from rcopterx.ground_station.page.sentences import battery, chip, learned, radio, suggestions
-from rcopterx.ground_station.page.steering import SHAPES
 from rcopterx.ground_station.page.weights import GROUPS
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
 
 PLAN_POINTS: Final = 25
-EVENTS_SHOWN: Final = 60
-COALESCED_S: Final = 30.0
 Point = tuple[float, float, float]
 Shown = dict[str, object]  # by names that the scripts of the page read
 
@@ -117,25 +115,11 @@ def row_of(state: VehicleState) -> Shown:
     }
 
 
-def events_shown(events: Reversible[LoggedEvent]) -> list[tuple[float, str, str, bool]]:
-    """Newest events first: time [s], vehicles, text, whether it is an alarm; the same text shares a line."""
-    lines: list[tuple[LoggedEvent, dict[str, int]]] = []
-    for event in reversed(events):
-        counts = next((counts for first, counts in lines if _alike(first, event)), None)
-        if counts is None:
-            counts = {}
-            lines.append((event, counts))
-        counts[event.vehicle] = counts.get(event.vehicle, 0) + max(1, event.count)
-    return [
-        (event.time_s, ", ".join(counts), f"{event.text.replace('_', ' ')}{_times(counts)}", event.alarming)
-        for event, counts in lines[:EVENTS_SHOWN]
-    ]
-
-
-def _alike(later: LoggedEvent, event: LoggedEvent) -> bool:
-    return later.text == event.text and later.time_s - event.time_s < COALESCED_S
-
-
-def _times(counts: Mapping[str, int]) -> str:
-    """How often an event happened to the vehicle that it happened to most often."""
-    return "" if max(counts.values()) == 1 else f", {max(counts.values())} times"
+def events_shown(lines: Reversible[EventLine]) -> list[tuple[float, str, str, bool]]:
+    """Newest events first: time [s], vehicles, text with the largest count, whether it is an alarm."""
+    shown = []
+    for line in reversed(lines):
+        most = max(line.counts.values())
+        text = line.text.replace("_", " ") + (f", {most} times" if most > 1 else "")
+        shown.append((line.newest_s, ", ".join(line.counts), text, line.alarming))
+    return shown

@@ -1,7 +1,7 @@
 """Weights of the cascade as factors of the defaults of a vehicle's model, with undo."""
 
 from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 from rcopterx.bus.message import Setting
 from rcopterx.fleet.vehicle_models import model_of
@@ -20,33 +20,30 @@ CASCADE: Final = "cascade"
 Tune = Callable[[str, str, Mapping[str, Setting]], bool]  # vehicle, controller, settings -> accepted
 
 
-class Tuned(NamedTuple):
-    """Powers of 2 of the factors, and what flies with them."""
-
-    powers: Mapping[str, float]
-    controller: str
-    settings: Mapping[str, Setting]
-
-
 class Weights:
     """Factors on the default weights of one vehicle; `powers` are those in use."""
 
     def __init__(self, fleet: Fleet, name: str, tune: Tune) -> None:
         self._fleet, self._name, self._tune = fleet, name, tune
         self.powers: Mapping[str, float] = dict.fromkeys(GROUPS, 0.0)
-        self._history: list[Tuned] = []  # before each change
+        self._history: list[tuple[Mapping[str, float], str, Mapping[str, Setting]]] = []  # before each change
 
     def apply(self, powers: Mapping[str, float]) -> None:
         """Fly with the defaults times these powers of 2, by group of `GROUPS`."""
-        default = self._default()
-        before, states = self._tuned(default), list(default["state_weights"])
-        for group, indices in _STATES.items():
-            for index in indices:
-                states[index] *= 2.0 ** powers[group]
+        default, agent = self._default(), self._fleet[self._name].state.agent
+        before, settings = CASCADE, dict[str, Setting](default)
+        if agent is not None:
+            before = agent.diagnostics.controller
+            # Weights that no setting gives are the default ones.
+            settings = (settings if before == CASCADE else {}) | agent.diagnostics.controller_settings
+        factors = {index: 2.0 ** powers[group] for group, indices in _STATES.items() for index in indices}
+        states = tuple(
+            weight * factors.get(index, 1.0) for index, weight in enumerate(default["state_weights"])
+        )
         inputs = tuple(weight * 2.0 ** powers[EFFORT] for weight in default["input_weights"])
-        if self._tune(self._name, CASCADE, {"state_weights": tuple(states), "input_weights": inputs}):
-            self.powers = dict(powers)
-            self._history.append(before)
+        if self._tune(self._name, CASCADE, {"state_weights": states, "input_weights": inputs}):
+            self._history.append((self.powers, before, settings))
+            self.powers = powers
 
     def undo(self) -> None:
         """Fly as before the last change."""
@@ -56,17 +53,8 @@ class Weights:
                 self._history.pop()
                 self.powers = powers
 
-    def _tuned(self, default: Mapping[str, Setting]) -> Tuned:
-        """Return what flies now; weights that no setting gives are the default ones."""
-        agent = self._fleet[self._name].state.agent
-        if agent is None:
-            return Tuned(self.powers, CASCADE, default)
-        flown = agent.diagnostics
-        missing = default if flown.controller == CASCADE else {}
-        return Tuned(self.powers, flown.controller, {**missing, **flown.controller_settings})
-
     def _default(self) -> dict[str, tuple[float, ...]]:
-        """Return the default weights of the cascade for the model with which the vehicle flies."""
+        """Default weights of the cascade for the model with which the vehicle flies."""
         # Compiled kernels take longer to import than the rest of the page.
         from rcopterx.agents.tuning.configuration import Configuration
         from rcopterx.control.controllers.cascade.weights import default_weights

@@ -5,7 +5,7 @@ from dataclasses import replace
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import LeaderLink, TransmitterStatus
-from rcopterx.ground_station.events import KEPT, Timeline, changes
+from rcopterx.ground_station.events import KEPT, LoggedEvent, Timeline, changes
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="ready", ready=True)
@@ -55,17 +55,27 @@ def test_what_is_counted_goes_on_in_one_line_for_a_while_and_hides_nothing_else(
         timeline.compare(0.5 * number, {"h1": state})
     timeline.compare(20.0, {"h1": replace(counted[39], agent=flying_status(phase="landing"))})
     timeline.compare(20.5, {"h1": counted[40]})
-    assert [event.words for event in timeline.events] == [
-        "leader_plan_late × 79", "flying → landing", "landing → flying",
-    ]  # fmt: skip
+    lines = [(line.text, line.counts) for line in timeline.lines]
+    assert sorted(lines[:2]) == [("flying → landing", {"h1": 1}), ("landing → flying", {"h1": 1})]
+    assert lines[2:] == [("leader_plan_late", {"h1": 79})]
     timeline.compare(60.0, {"h1": counted[42]})
-    assert [event.words for event in timeline.events][-1] == "leader_plan_late × 2"
+    assert (timeline.lines[-1].text, timeline.lines[-1].counts) == ("leader_plan_late", {"h1": 2})
+
+
+def test_an_event_of_several_vehicles_within_half_a_minute_is_one_line() -> None:
+    timeline = Timeline()
+    for time_s, name in ((1.0, "h1"), (40.0, "h1"), (41.0, "h2"), (42.0, "h1")):
+        timeline.add(LoggedEvent(time_s, name, "poses lost"))
+    assert [(line.newest_s, line.counts) for line in timeline.lines] == [
+        (1.0, {"h1": 1}),
+        (42.0, {"h1": 2, "h2": 1}),
+    ]
 
 
 def test_the_time_line_keeps_the_newest_events_and_begins_without_any() -> None:
     timeline = Timeline()
     landing = replace(FLYING, agent=flying_status(phase="landing"))
     for number in range(KEPT + 20):
-        timeline.compare(float(number), {"h1": landing if number % 2 else FLYING})
-    assert len(timeline.events) == KEPT
-    assert timeline.events[-1].time_s == KEPT + 19
+        timeline.compare(100.0 * number, {"h1": landing if number % 2 else FLYING})
+    assert len(timeline.lines) == KEPT
+    assert timeline.lines[-1].newest_s == 100.0 * (KEPT + 19)

@@ -31,7 +31,7 @@ link.addEventListener('fleet', ({ detail }) => {
 link.addEventListener('texts', ({ detail: texts }) => {
   shown = texts.sentence;
   show();
-  write(one('#flown'), typeof texts.flown_s !== 'number' ? '–' : clock(texts.flown_s));
+  write(one('#flown'), typeof texts.took_off_s !== 'number' ? '–' : clock(texts.time_s - texts.took_off_s));
   write(one('#recording'), texts.recording ? `● ${texts.recording}` : '–');
   for (const notice of texts.notices ?? []) {
     if (newest === null ? texts.time_s - notice.time_s < RECENT_S : notice.number > newest) notify(notice);

@@ -27,14 +27,6 @@ def received(feed: Feed, seen: Seen) -> dict[str, Any]:
     return found
 
 
-def test_samples_come_at_their_period_however_often_they_are_offered() -> None:
-    feed = Feed()
-    for number in range(100):
-        if feed.due(0.02 * number):
-            feed.add_sample(0.02 * number, [[1.0]])
-    assert len(received(feed, Seen())["samples"]) == 20
-
-
 def test_a_browser_gets_the_last_two_minutes_first_and_then_what_is_new() -> None:
     feed, seen = Feed(), Seen()
     for number in range(2000):

@@ -21,8 +21,7 @@ from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.page.feed import Seen
 from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
-from rcopterx.ground_station.page.requests import ALLOWED, decode
-from rcopterx.ground_station.page.steering import PageSteering
+from rcopterx.ground_station.page.steering import ALLOWED, PageSteering, decode
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.model import IDENTIFIED, with_parameters
 
@@ -188,7 +187,7 @@ def test_what_others_choose_is_shown(opened: Opened, fleet: Fleet, vehicles: Veh
 
 def test_a_formation_is_flown_by_all_that_fly(opened: Opened, fleet: Fleet, vehicles: Vehicles) -> None:
     opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
-    assert opened.notices == [("h1 does not fly", True)]
+    assert opened.notices == [("h1 does not fly, or follows another vehicle; let it lead first", True)]
     fly(fleet, vehicles)
     opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
     (request,) = vehicles["h2"].requests
@@ -309,6 +308,12 @@ def test_undo_restores_what_the_vehicle_flew_with_before(
     assert requests[0].controller == "cascade"
     assert requests[1].controller == controller
     assert requests[1].controller_settings.items() >= flown.items()
+
+
+def test_samples_come_at_their_period_however_often_the_page_is_updated(opened: Opened) -> None:
+    for number in range(100):
+        opened.page.update(0.02 * number)
+    assert len(json.loads(opened.frame.feed.after(Seen()) or b"{}")["samples"]) == 20
 
 
 def test_wind_and_uncertainty_are_sent_where_they_are_known(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import SetPoint, TransmitterStatus
-from rcopterx.ground_station.events import LoggedEvent
+from rcopterx.ground_station.events import LoggedEvent, Timeline
 from rcopterx.ground_station.page.view import events_shown, row_of
 from rcopterx.ground_station.scripting.state import VehicleState
 
@@ -52,6 +52,13 @@ def test_headings_of_set_points_are_within_half_a_turn(yaw_rad: float) -> None:
     assert math.cos(math.radians(shown[3]) - yaw_rad) > math.cos(math.radians(0.51))
 
 
+def shown(*events: LoggedEvent) -> list[tuple[float, str, str, bool]]:
+    timeline = Timeline()
+    for event in events:
+        timeline.add(event)
+    return events_shown(timeline.lines)
+
+
 def test_events_are_newest_first_and_equal_ones_share_a_line() -> None:
     events = [
         LoggedEvent(1.0, "h1", "landed"),
@@ -61,12 +68,12 @@ def test_events_are_newest_first_and_equal_ones_share_a_line() -> None:
         LoggedEvent(63.0, "h1", "landed", True),
         LoggedEvent(63.1, "h2", "landed", True),
     ]
-    assert events_shown(events) == [
-        (63.1, "h2, h1", "landed", True),
+    assert shown(*events) == [
+        (63.1, "h1, h2", "landed", True),
         (62.0, "h2", "poses lost, 3 times", False),
         (1.0, "h1", "landed", False),
     ]
-    assert events_shown([]) == []
+    assert shown() == []
 
 
 def test_counted_events_with_other_counts_share_a_line_in_words() -> None:
@@ -75,4 +82,4 @@ def test_counted_events_with_other_counts_share_a_line_in_words() -> None:
         LoggedEvent(2.0, "h2", "pose_extrapolated", count=1),
         LoggedEvent(3.0, "h1", "pose_extrapolated", count=2),
     ]
-    assert events_shown(events) == [(3.0, "h1, h2", "pose extrapolated, 49 times", False)]
+    assert shown(*events) == [(3.0, "h1, h2", "pose extrapolated, 49 times", False)]
