@@ -13,11 +13,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import (
-    RunningFleetOption,
-    failure,
-    wanted_fleet,
-)
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, wanted_fleet
 from rcopterx.commands.interruption import until_ctrl_c
 
 PORT = 8080

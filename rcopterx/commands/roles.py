@@ -1,5 +1,6 @@
 """One command per process role, for hosts that start processes by hand or with systemd."""
 
+from collections.abc import Callable
 from typing import Annotated
 
 from typer import Argument
@@ -18,29 +19,21 @@ def _run(role: str, unit: str, fleet: str) -> None:
     run_role(role, unit, as_running(fleet_file(fleet)))
 
 
-def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the bus router of a host."""
-    _run("router", host, fleet)
+def _of_host(role: str, text: str) -> Callable[..., None]:
+    """Command that runs the process of a host, with a text for its help."""
+
+    def run(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+        _run(role, host, fleet)
+
+    run.__doc__ = text
+    return run
 
 
-def recorder(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the recorder: messages of the bus to a flight log."""
-    _run("recorder", host, fleet)
-
-
-def learner(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the learner: models of vehicles from their ordinary flight."""
-    _run("learner", host, fleet)
-
-
-def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the simulated laboratory: Tracker, radio modules and vehicles."""
-    _run("simulator", host, fleet)
-
-
-def tracker(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the Vicon gateway: motion capture to poses."""
-    _run("tracker", host, fleet)
+router = _of_host("router", "Run the bus router of a host.")
+recorder = _of_host("recorder", "Run the recorder: messages of the bus to a flight log.")
+learner = _of_host("learner", "Run the learner: models of vehicles from their ordinary flight.")
+simulator = _of_host("simulator", "Run the simulated laboratory: Tracker, radio modules and vehicles.")
+tracker = _of_host("tracker", "Run the Vicon gateway: motion capture to poses.")
 
 
 def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT_FLEET) -> None:
