@@ -63,7 +63,8 @@ def _numbers(values: Sequence[float] | None, digits: int, unit: str, factor: flo
     return "" if values is None else ", ".join(f"{factor * value:.{digits}f}" for value in values) + unit
 
 
-def _hover(values: Diagnostics) -> str:
+def hover(values: Diagnostics) -> str:
+    """Return the thrust with which the vehicle hovers; empty if it is unknown."""
     return "" if values.hover_thrust is None else f"hovers at {100 * values.hover_thrust:.0f} % of the thrust"
 
 
@@ -111,7 +112,7 @@ QUANTITIES = (
     Quantity("missed periods", _diagnostics(lambda values: str(values.missed_ticks)), 7),
     Quantity(
         "fallbacks, rejections",
-        lambda state: ", ".join(f"{kind} {count}" for kind, count in state.event_counts.items()),
+        lambda state: ", ".join(f"{what} {n}" for what, n in state.event_counts.items()).replace("_", " "),
         18,
     ),
     Quantity("command age", _transmitter(lambda status: _milli(status.command_age_s, "s")), 7),
@@ -134,7 +135,7 @@ QUANTITIES = (
     *(Quantity(f"latency {stage}, p50 / p99 / max", _latency(stage), 20) for stage in (TOTAL, *STAGES)),
     Quantity("estimator", _diagnostics(lambda values: values.estimator)),
     Quantity("horizon", _diagnostics(lambda values: f"{values.horizon} stages")),
-    Quantity("battery", _diagnostics(_hover)),
+    Quantity("battery", _diagnostics(hover)),
     Quantity("wind", _diagnostics(_wind)),
     Quantity(
         "trajectory",
