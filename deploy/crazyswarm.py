@@ -62,8 +62,7 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
     """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
 
     The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
-    rigid body. Raises `FleetError`: the file cannot be read, PyYAML is not installed, or no vehicle can be
-    used; says which file and robot and why.
+    rigid body. Raises `FleetError`: says which file and robot cannot be used, and why.
     """
     document = _document(path, remarks)
     if isinstance(document, dict) and "crazyflies" in document:

@@ -24,10 +24,9 @@ LONGEST_LIST: Final = 32  # longer lists are not columns of a table
 def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
     """Write the messages of a flight as CSV files, named for instance `h1-pose.csv`, and return their paths.
 
-    Columns are the fields of the messages, nested ones with dots (`diagnostics.ticks`), items of lists
-    with their number (`position_m.0`), places and headings of a plan with the number of their stage
-    (`trajectory.x_m.0`). What is never there and other matrices are left out. Files of the same names are
-    replaced. Raises `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
+    Columns are fields, nested ones with dots (`diagnostics.ticks`), items of lists with their number
+    (`position_m.0`), places and headings of plans with that of their stage (`trajectory.x_m.0`). Matrices and
+    what is never there are left out. Raises `FlightLogError` if the flight cannot be read, or OSError.
     """
     columns: dict[str, dict[str, None]] = {}
     count = 0

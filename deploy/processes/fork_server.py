@@ -1,9 +1,8 @@
 """The fork server of a host: starts the host's processes by forking.
 
 Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait. The fork
-server imports once, has a single thread, and forks on order; forked processes share what it has imported and
-prepared. It forks twice and ends the process between, so that the supervisor, which adopts orphans, becomes
-the parent.
+server imports once, and forks on order; forked processes share what it has prepared. It forks twice and ends
+the process between, so that the supervisor, which adopts orphans, becomes the parent.
 
 Orders and answers are JSON datagrams over a Unix socket. An order that starts a process comes with four
 descriptors: standard input, log, heartbeat page, and a pipe on which the forked process waits for permission.

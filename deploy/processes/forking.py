@@ -158,8 +158,7 @@ class ForkServer:
 
         `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
         process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
-        its standard input is a pipe; empty otherwise. Raises `OSError`: it cannot be started: no descriptors
-        are left, or the fork server has just ended and its successor is not ready.
+        its standard input is a pipe. Raises `OSError`: no descriptors are left, or no fork server is ready.
         """
         self.ensure_running()
         self._wait_until_ready()

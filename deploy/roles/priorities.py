@@ -8,9 +8,8 @@ from rcopterx.fleet.schema import FleetFile
 class Priority(IntEnum):
     """Priority relative to the fleet's real-time priority.
 
-    Processes that others wait for come first. The supervisor precedes them all, so that it can kill a process
-    that spins. The simulator stands for hardware, which needs no processor and is never late. No process
-    waits for the recorder.
+    Processes that others wait for come first: before all the supervisor, which kills one that spins, and the
+    simulator, which stands for hardware that is never late. No process waits for the recorder.
     """
 
     SUPERVISOR = 8

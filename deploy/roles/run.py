@@ -41,9 +41,8 @@ def run_role(
 
     `unit`: host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an
     agent. `host`: host of an agent; by default that of the fleet file. `take_over`: whether an agent shall
-    take over from one that flies its vehicle. Raises `FleetError`: the unit is unknown, or a field of the
-    file is wrong for this role. Raises `BusUnreachableError`: no router answers. Raises `OSError`: an address
-    or a device cannot be used.
+    take over from one that flies its vehicle. Raises `FleetError`: unit or a field is wrong for this role;
+    `BusUnreachableError`: no router answers; `OSError`: an address or a device cannot be used.
     """
     check_unit(fleet, role, unit)
     begin_role(role, unit)

@@ -24,7 +24,6 @@ def spread(
     """Move vehicles without enough room to points of a horizontal grid that fills the flight volume.
 
     Heights stay. The sum of the squared distances is the smallest possible, so that ways do not cross.
-
     `places_m`: places of the vehicles, inertial frame. `reach_m`: how far each vehicle may move on every
     axis. `distance_m`: distance that is left between two of them then. `volume_m`: lowest and highest corner
     of the flight volume. Raises `IdentificationError`: the grid has fewer points than vehicles.

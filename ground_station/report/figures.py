@@ -40,9 +40,8 @@ LONGEST_LATENCY_MS = 1000.0  # events that are further apart do not belong toget
 class FlightFigures:
     """Figures of the vehicles of a recorded flight, as in `report.json`.
 
-    Positions are the true ones of the simulated laboratory where there is one, else those of the motion
-    capture. Frame numbers continue where those of the Tracker restart. Clocks of two hosts are compared by
-    the offsets that routers measured during the flight.
+    Positions are the true ones of the simulated laboratory, if any. Frame numbers continue where those of the
+    Tracker restart. Clocks of hosts are compared by the offsets that routers measured during the flight.
     """
 
     def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:

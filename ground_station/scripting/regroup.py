@@ -69,8 +69,7 @@ def regroup(
     """Carry out a change of leaders at one frame.
 
     `where` has the places of vehicles that shall lead. `before` are the present leaders: they are restored if
-    a vehicle fails between the commit and its frame. Raises `RefusedError`: a vehicle refused or did not
-    answer; says which, and whether everything is as before.
+    a vehicle fails between the commit and its frame. Raises `RefusedError`: says who, and what has changed.
     """
     operation = f"regroup_{uuid.uuid4().hex[:8]}"
     uncommitted, committing = list(change), False

@@ -36,8 +36,7 @@ def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
     """Margins of vehicles as their fleet file configures them, as a JSON document.
 
     It has `fleet`, and `vehicles` by name with `axes`, among their numbers `rule`, the margins required by
-    the uncertainty of the model; where margins are not known, `axes` is null and `unknown` says why.
-    Raises FleetError for a setting that is not allowed.
+    the uncertainty of the model; unknown `axes` are null, and `unknown` says why. May raise `FleetError`.
     """
     return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
 

@@ -54,7 +54,9 @@ def new_lab(file: NewFleetFile) -> None:
         raise FleetError(f"{file}: exists already and is not overwritten")
     if not file.parent.is_dir():
         raise FleetError(f"{file.parent}: no such directory")
-    dialogue = Dialogue(converted(name_of(file.stem), Name, f"{file}: name of the fleet"))
+    name = name_of(file.stem)
+    converted(name, Name, f"{file}: name of the fleet")
+    dialogue = Dialogue(name)
     dialogue.ask_for_motion_capture()
     dialogue.ask_for_vehicles()
     dialogue.ask_for_volume()
@@ -125,8 +127,9 @@ class Dialogue:
 
         seen = _subjects_of(self.laboratory.tracker) if self.laboratory.brand == "vicon" else []
         self._ask("Subjects that fly, separated by commas", ",".join(seen) or None, of_subjects)
-        found = [f"{one.port}  ({one.device}, {one.description})" for one in self._adapters]
-        _print("serial adapters", found)
+        _print(
+            "serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in self._adapters]
+        )
         _print("types of vehicles", [f"{name:18} {vehicle_type(name).file.text}" for name in type_names()])
         before: list[NewVehicle] = []
         for vehicle in self.laboratory.vehicles:
