@@ -98,6 +98,17 @@ def test_every_option_for_a_fleet_has_the_same_short_form() -> None:
     assert {"demo", "land", "calibrate", "identify", "inject", "fly", "ground", "logs"} <= with_option
 
 
+def test_doctor_without_an_argument_examines_the_trio_where_no_fleet_is_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    examined: list[str] = []
+    monkeypatch.setattr(
+        "rcopterx.commands.hosts.report_findings", lambda file, _host: examined.append(file.name)
+    )
+    assert run("doctor").exit_code == 0
+    assert examined == ["trio"]
+
+
 def test_manoeuvres_are_listed() -> None:
     result = run("fly", "--list")
     assert result.exit_code == 0

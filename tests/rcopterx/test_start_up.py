@@ -68,7 +68,7 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
         "ground_station.scripting.launched",
         "ground_station.terminal.margin_warnings",
         "commands.new_lab, rcopterx.deploy.new_laboratory",
-        "ground_station.report.page",
+        "ground_station.report.logged_flight",
     ],
 )
 def test_launching_a_fleet_asking_for_one_and_reports_need_no_scipy_and_no_compiler(module: str) -> None:
