@@ -5,8 +5,8 @@ import re
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-import click
 import pytest
 import typer
 from click.testing import Result
@@ -80,21 +80,13 @@ def test_every_command_explains_itself_and_its_options(name: str) -> None:
 
 
 def test_every_option_for_a_fleet_has_the_same_short_form() -> None:
+    group: Any = typer.main.get_command(app)
     with_option = set()
-
-    def check(group: click.Group, context: click.Context) -> None:
-        for name in group.list_commands(context):
-            command = group.get_command(context, name)
-            if isinstance(command, click.Group):
-                check(command, context)
-            for option in command.params if command is not None else ():
-                if "--fleet" in option.opts:
-                    assert "-f" in option.opts, name
-                    with_option.add(name)
-
-    group = typer.main.get_command(app)
-    assert isinstance(group, click.Group)
-    check(group, click.Context(group))
+    for name in group.list_commands(context := typer.Context(group)):
+        for option in group.get_command(context, name).params:
+            if "--fleet" in option.opts:
+                assert "-f" in option.opts, name
+                with_option.add(name)
     assert {"demo", "land", "calibrate", "identify", "inject", "fly", "ground", "logs"} <= with_option
 
 
