@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.fleet.consistency import check_periods
 from rcopterx.fleet.reading import load_fleet, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 
@@ -23,6 +24,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     from rcopterx.fleet.formation_check import check_formation
     from rcopterx.fleet.vehicle_models import limits_of
 
+    check_periods(fleet)
     for name in fleet.vehicles:
         descend_after_s = limits_of(fleet, name).descend_after_s
         # Else a hung agent is killed only after its vehicle has begun to land.

@@ -11,6 +11,7 @@ from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.ports import check_ports
 from rcopterx.deploy.roles.tracker import OWN_CLIENT, brand_of, tracker_address
+from rcopterx.fleet.consistency import check_periods
 from rcopterx.fleet.radios import MODEL_MATCH_OPTIONS
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
@@ -90,6 +91,7 @@ class NewLaboratory(NamedTuple):
         fleet = parse_fleet(fleet_file_text(self, Path()))
         tracker_address(fleet)
         brand_of(fleet)
+        check_periods(fleet)
         check_ports(fleet, run_directory(fleet.name, None))
         return fleet
 

@@ -20,7 +20,6 @@ def check_consistency(fleet: FleetFile) -> None:
     _check_security(fleet)
     _check_files(fleet)
     _check_leaders(fleet)
-    _check_periods(fleet)
 
 
 def _check_vehicles(fleet: FleetFile) -> None:
@@ -167,7 +166,7 @@ def _check_once(where: str, names: Sequence[str]) -> None:
             raise FleetError(f"{where.format(number)}: {name!r} is named twice")
 
 
-def _check_periods(fleet: FleetFile) -> None:
+def check_periods(fleet: FleetFile) -> None:
     """Check that a control period is a whole number of frames, because poses pace the agents."""
     where, camera = ("tracker", fleet.tracker) if fleet.simulator is None else ("simulator", fleet.simulator)
     rate_hz = camera.rate_hz

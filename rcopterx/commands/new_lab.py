@@ -123,6 +123,8 @@ class Dialogue:
                 self._first._replace(name=f"h{number}", subject=subject, port=f"radio-h{number}")
                 for number, subject in enumerate(subjects, 1)
             ]
+            if not vehicles:
+                raise typer.BadParameter("at least one subject is needed")
             return self.laboratory._replace(vehicles=vehicles)
 
         seen = _subjects_of(self.laboratory.tracker) if self.laboratory.brand == "vicon" else []

@@ -9,6 +9,7 @@ import pytest
 from support.scripted import fleet_file_text, scripted
 
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.flights.csv_export import export_csv
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import Vehicle
 from scripting_page import PAGE, reference, with_reference
@@ -37,8 +38,17 @@ def trio(
         yield
 
 
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory in which a flight was exported to `tables`."""
+    directory = tmp_path_factory.mktemp("exported")
+    export_csv([PAGE.parents[1] / "tests" / "fixtures" / "reference_flight.mcap"], directory / "tables")
+    return directory
+
+
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_runs(example: str, trio: None) -> None:
+def test_an_example_runs(example: str, trio: None, exported: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(exported)
     exec(compile(example, "docs", "exec"), {})
 
 

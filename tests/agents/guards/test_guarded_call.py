@@ -52,4 +52,5 @@ def test_other_errors_of_the_interpreter_are_failures_of_the_call() -> None:
     call = GuardedCall("solver", 0, 1.0)
     assert call.attempt("solver", LIMIT_S, lambda _: None, broken) is None
     assert call.failures == {"solver_raised": 1}
-    assert call.failure == "solver: SystemError: something else"
+    line = broken.__code__.co_firstlineno + 1
+    assert call.failure == f"solver: SystemError: something else (test_guarded_call.py, line {line})"

@@ -30,7 +30,7 @@ def rendered(fleet: Fleet) -> str:
 def test_the_table_shows_every_vehicle_its_task_and_what_went_wrong(fleet: Fleet, vehicles: Vehicles) -> None:
     vehicles["h1"].counts = {"early_stop": 3, "[bold]odd": 1}
     put(vehicles, fleet, "flying", ["h1"])
-    wait_for(lambda: "early_stop 3" in rendered(fleet), "the fallback is not shown")
+    wait_for(lambda: "early stop 3" in rendered(fleet), "the fallback is not shown")
     text = rendered(fleet)
     assert all(words in text for column in COLUMNS for words in column.name.split())
     for part in ("flying", "armed", "0.10, 0.20, 0.30 m", "[bold]odd 1", "h2"):

@@ -45,7 +45,7 @@ def test_no_cell_is_cut_and_no_line_is_wider_than_the_terminal(
     for words in ("emergency", "descend", "paper", "external"):
         assert words in text
     if width == FULL_WIDTH:
-        for words in ("0.10, 0.20, 0.30 m", "early_stop 3", "leader_plan_late"):
+        for words in ("0.10, 0.20, 0.30 m", "early stop 3", "leader plan late"):
             assert words in text
 
 
