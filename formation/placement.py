@@ -111,8 +111,7 @@ def move_problem(
     """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
 
     `samples`: its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more). `heads`: places of
-    other leaders, shape (4,). `unrelated`: places of others to keep clear of, x y z first. Vehicles that
-    avoid each other's plans are not among them: they may be sent to each other's places.
+    other leaders, shape (4,). `unrelated`: places of others, x y z first, which do not avoid its plan.
     """
     where = places({**links, name: ()}, {**heads, name: samples[:, POSE]})
     problem = _leaving(followers(links, name), where, room)

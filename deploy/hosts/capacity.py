@@ -1,9 +1,8 @@
 """Estimates how many vehicles a computer can fly, while its fleet waits for take-off.
 
-A standing vehicle costs as much processor time as a flying one, except for its control periods: agent,
-router, gateways and simulator work all the time. The processor time of a standing fleet is read from the
-kernel, and control periods are timed in another process (`control_time`). At a lower control rate a computer
-flies more.
+A standing vehicle costs as much processor time as a flying one, except for its control periods. The processor
+time of a standing fleet is read from the kernel, and control periods are timed in another process
+(`control_time`). At a lower control rate a computer flies more.
 """
 
 import os
@@ -77,11 +76,10 @@ class CapacityMeasurement:
     def step(self, ready: bool, late: bool = False) -> tuple[int, ...] | str | None:
         """Start the measurement when the computer is ready for it, and later collect the result.
 
-        `ready`: whether all processes have started and no vehicle flies. If that changes during a
-        measurement, it is abandoned and begun again later: it would disturb, and be wrong. `late`: whether
-        commands of an agent are late. Processes that wait for processors use less of them than they need; so
-        the result assumes that those which run need all, and is measured again. Returns the numbers of
-        `vehicles_flown`, or the reason why they are not known; None before and after.
+        `ready`: whether all processes have started and no vehicle flies; if that changes, the measurement is
+        begun again later. `late`: whether commands of an agent are late. Processes that wait for processors
+        use less than they need; so the result assumes that those which run need all, and is measured again.
+        Returns the numbers of `vehicles_flown`, or why they are not known; None before and after.
         """
         if self.done:
             return None

@@ -1,9 +1,9 @@
 """Finds vehicles that no agent commands any more, so that this host starts one.
 
 In flight the commands behind the serial frames show whether an agent flies the vehicle, wherever it runs. On
-the floor nothing is urgent: there the launcher that keeps the agent running must be silent as well, so that
-agents that were stopped are not replaced. Without news from the transmitter gateway nothing is known, and
-nothing is started. If several hosts start an agent, or the old one returns, leases decide.
+the floor the launcher that keeps the agent running must be silent as well, so that agents that were stopped
+are not replaced. Nothing is started without news from the transmitter gateway. If several hosts start an
+agent, leases decide.
 """
 
 import math

@@ -6,8 +6,7 @@ the process between, so that the supervisor, which adopts orphans, becomes the p
 
 Orders and answers are JSON datagrams over a Unix socket. An order that starts a process comes with four
 descriptors: standard input, log, heartbeat page, and a pipe on which the forked process waits for permission.
-The supervisor gives permission once it knows the process id; a process that gets none ends. Other orders name
-a fleet to prepare.
+The supervisor gives it once it knows the process id; else the process ends. Others name a fleet to prepare.
 """
 
 import errno

@@ -37,8 +37,7 @@ class VehicleState:
     newest message of the motion capture that the agent received, whether the vehicle was seen or not;
     `seen_age_s` is the time since the vehicle was last seen. `plan`, `seen_at_m` and `quaternion_xyzw`, as
     the motion capture sees the vehicle, are None unless motion is watched (`Fleet.watch_motion`).
-    `latency_ms` has percentiles by stage of `rcopterx.ground_station.report.latency`, and is empty unless
-    latency is watched.
+    `latency_ms` has percentiles by stage of `report.latency`, and is empty unless latency is watched.
     """
 
     name: str

@@ -108,8 +108,8 @@ class Dialogue:
 
         _print("brands of motion capture", [f"{name:10} {text}" for name, (_, text) in BRANDS.items()])
         self._ask("Brand of the motion capture", "vicon", of_brand)
-        address = self.laboratory.tracker
-        self._ask("Its address, HOST:PORT", address, lambda text: self.laboratory._replace(tracker=text))
+        usual = self.laboratory.tracker
+        self._ask("Its address, HOST:PORT", usual, lambda text: self.laboratory._replace(tracker=text))
         if self.laboratory.rate_hz is not None:
             self._ask("Its rate in Hz", f"{RATE_HZ:g}", of_rate)
 
