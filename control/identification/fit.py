@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from rcopterx.control.identification.likelihood import likeliest
 from rcopterx.control.identification.motions import (
     SETTLE_S,
     Candidate,
@@ -65,15 +66,17 @@ _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior 
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
+_ROUNDS: Final = 3
+_TRUST: Final = 0.25  # share of the tilt density that the next round supposes: part is the last one's misfit
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
 _GAINS: Final = ((PITCH_GAIN.name, ROLL_GAIN.name), (THRUST_GAIN.name,), (YAW_RATE_GAIN.name,))
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
-# Largest relative deviations of a usable excitation: it shows more than was known before.
+# Largest relative deviations of a usable excitation: three of a gain are the uncertainty of a type.
 _CERTAIN: Final = {
-    parameter.name: 0.5 * parameter.spread
+    parameter.name: 0.6 * parameter.spread
     for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY, YAW_RATE_GAIN)
 }
 
@@ -231,8 +234,12 @@ class _Fit:
             scales = self._scales(start, flights)
             costs = [np.sum(self._all(start, flights, scales, at) ** 2) for at in self.begin_at]
             position = self.begin_at[int(np.argmin(costs))]
-        for _ in range(2):
-            # Weights follow from the errors of the best model so far.
+        for _ in range(_ROUNDS):
+            # Noise and weights follow from the errors of the best model so far.
+            if self.motion is horizontal and not self.far and start.model.tilt is not None:
+                shown = likeliest(self._at(start, position), flights)
+                trusting = replace(shown, tilt_density=_TRUST * shown.tilt_density)
+                start = replace(start, model=replace(start.model, unexplained=trusting))
             scales = self._scales(self._at(start, position), flights)
             solved: OptimizeResult = least_squares(
                 partial(self._all, start, flights, scales),
