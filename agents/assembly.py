@@ -29,7 +29,6 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         settings.hover_thrust_limits,
     )
     pilot.cooperation.vehicle = settings.vehicle
-    turn = settings.vehicles.index(settings.vehicle) % LIFT_OFF_TURNS
-    pilot.lift_off_delay_s = turn * LIFT_OFF_TURN_S
+    pilot.lift_off_delay_s = (settings.vehicles.index(settings.vehicle) % LIFT_OFF_TURNS) * LIFT_OFF_TURN_S
     pilot.measured_tilt = bool(settings.configuration.estimator_settings.get("measured_tilt", True))
     return pilot

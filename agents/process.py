@@ -91,12 +91,7 @@ class Agent:
         )
         launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else Inbox(channels.LAUNCHER)
         self.relief = LoadRelief(
-            bus,
-            settings.period_s,
-            self.pacing,
-            following.traffic,
-            launcher,
-            pilot.events,
+            bus, settings.period_s, self.pacing, following.traffic, launcher, pilot.events
         )
         self.handover = Handover(bus, settings, pilot, self.tuning)
         self._scheme_messages = bus.subscribe_all(channels.SCHEME, waking=False)
@@ -205,10 +200,7 @@ class Agent:
         return guidance.rotor_on and not was_flying
 
     def _frames(self) -> Iterator[float]:
-        """Give new and overdue frames to the pilot; yield when each began [monotonic s].
-
-        Poses that waited during a pause update the estimate only: commands computed from the past do not act.
-        """
+        """Give frames to the pilot; yield when each began [monotonic s]; late ones only update estimates."""
         pilot, pacing = self._pilot, self.pacing
         for received in self.poses.drain():
             pose = received.message

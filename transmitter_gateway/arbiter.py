@@ -91,8 +91,7 @@ class Arbiter:
 
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
         """Control lease of an agent that asks for one, 0 while it is not given any; see `Leases.bid`."""
-        fresh = self._validator.fresh(now_s)
-        return self.leases.bid(agent, now_s, fresh=fresh, take_over=take_over)
+        return self.leases.bid(agent, now_s, fresh=self._validator.fresh(now_s), take_over=take_over)
 
     @property
     def hover_thrust(self) -> float:

@@ -77,8 +77,7 @@ class TransmitterNode:
             return
         for received in self._bids.drain():
             bid = received.message
-            number = self.transmitter.bid(bid.agent, now_s, take_over=bid.take_over)
-            self._publish_lease(bid.agent, number)
+            self._publish_lease(bid.agent, self.transmitter.bid(bid.agent, now_s, take_over=bid.take_over))
 
     def _publish_lease(self, agent: int, number: int) -> None:
         leases = self.transmitter.arbiter.leases

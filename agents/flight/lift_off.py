@@ -88,10 +88,7 @@ class LiftOff:
         return self._hover * float(self._pulse.commanded[_step(elapsed_s) // STEPS])
 
     def handed_over(self, motion: Array, time_s: float) -> tuple[Estimate, float]:
-        """Return the estimate of a vehicle that is seen to have lifted now, and the thrust that carries it.
-
-        `motion` is as estimated on the floor, shape (8,).
-        """
+        """Return estimate and hover thrust once it is seen to have lifted; `motion` (8,): on the floor."""
         share, climb_m_s = self._carrying(float(motion[Z]) - self.floor_m, time_s)
         climbing = motion.copy()
         climbing[ZD_BODY] = climb_m_s
@@ -145,10 +142,7 @@ def _step(elapsed_s: float) -> int:
 
 
 class _Pulse(NamedTuple):
-    """Thrust commanded in each `HELD_S` of turning up and a try, and of the rotor in each `STEP_S`.
-
-    Both are shares of the hover thrust.
-    """
+    """Shares of hover thrust: commanded per `HELD_S` of turning up and a try, of the rotor per `STEP_S`."""
 
     commanded: Array
     acting: Array
@@ -180,8 +174,7 @@ def _pulse_to(unseen_m_s: float, hover: float, largest: float, lag_s: float) -> 
             after_m_s = _reached_m_s(share, climb_m_s, command, lag_s)
             if after_m_s > unseen_m_s:
                 least_m_s = _reached_m_s(share, climb_m_s, 0.0, lag_s)
-                part = max(unseen_m_s - least_m_s, 0.0) / (after_m_s - least_m_s)
-                command *= part
+                command *= max(unseen_m_s - least_m_s, 0.0) / (after_m_s - least_m_s)
                 rising, braking = False, True
         else:
             braking = braking and not braked(climb_m_s, share, lag_s)

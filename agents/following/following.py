@@ -91,8 +91,7 @@ class LostLeaders:
 
     def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
         links = {name: status.assigned for name, status in self.peers.statuses().items()}
-        own = tuple(map(target_link, self._assigned))
-        return {**links, self.vehicle: own}
+        return {**links, self.vehicle: tuple(map(target_link, self._assigned))}
 
     def _find_successor(self) -> str | None:
         lost = self._assigned[0].leader

@@ -35,8 +35,7 @@ def ellipsoid_scale(
     mates = set(roots(links, name)) & set(roots(links, other))
     if not mates or name not in places or other not in places:
         return 1.0
-    gap_m = places[name][:3] - places[other][:3]
-    return min(1.0, FORMATION_SCALE * float(ellipsoid.normalised(gap_m)))
+    return min(1.0, FORMATION_SCALE * float(ellipsoid.normalised(places[name][:3] - places[other][:3])))
 
 
 UPDATE_EVERY_TICKS: Final = 10

@@ -36,10 +36,7 @@ class ExternalTask:
 
 
 class ExternalController:
-    """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`.
-
-    `clock` is that of the fleet [s]: at a lower control rate several periods pass between two steps.
-    """
+    """Control by answers from outside, `own` before and after `patience_s` without; fleet `clock` [s]."""
 
     def __init__(self, own: Controller, model: Model, patience_s: float, clock: Callable[[], float]) -> None:
         self.own, self.horizon, self.period_s = own, own.horizon, own.period_s
@@ -99,8 +96,7 @@ class ExternalController:
         """Return a step by the inputs of an answer from a stage on."""
         late = self._number > self._answered
         self.late += late
-        stages = np.minimum(np.arange(self.horizon - 1) + stage, len(answer) - 1)
-        inputs = answer[stages]
+        inputs = answer[np.minimum(np.arange(self.horizon - 1) + stage, len(answer) - 1)]
         plan = roll_out(self._model, estimate, inputs, self.period_s)
         return ControlStep(inputs, plan, "external_late" if late else None, 0)
 
