@@ -25,10 +25,7 @@ _EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
 @dataclass
 class LoadRelief:
-    """Watches how late one agent's commands are, and reduces the work of its parts.
-
-    Decisions by measured times take effect by an event on the bus, so that a replay does the same.
-    """
+    """Reduces work if commands are late, by events on the bus, so that a replay does the same."""
 
     bus: StepBus
     period_s: float

@@ -51,10 +51,7 @@ COMMANDED_TURN_S = 0.02  # the same while commands fly all vehicles: each is jud
 
 
 class Radios:
-    """The transmitters by vehicle; each continues from what an earlier process wrote last.
-
-    A kill key, or SIGUSR1 in the `caught` signals, kills all vehicles; it is removed then.
-    """
+    """Transmitters, continued from earlier output; kill keys and SIGUSR1 in `caught` kill all."""
 
     def __init__(
         self,

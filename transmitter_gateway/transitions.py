@@ -1,7 +1,4 @@
-"""The transition table of the arbiter: conditions x state -> state (docs/safety.md).
-
-Of all rows that fit, the first one counts.
-"""
+"""The arbiter's transition table: conditions x state -> state, first row that fits (docs/safety.md)."""
 
 from collections.abc import Set
 from dataclasses import dataclass

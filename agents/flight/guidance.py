@@ -50,10 +50,7 @@ RESTORED_PATIENCE_S = 0.3  # after a restart, transitions of offsets go on for s
 
 
 class Guidance:
-    """Phase and task of one vehicle.
-
-    A follower copies `deviation_share` of its leaders' deviations from their nominal references.
-    """
+    """Phase and task; a follower copies `deviation_share` of its leaders' deviations from references."""
 
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.task = Task(followed=tuple(links), assigned=tuple(links))
@@ -183,10 +180,7 @@ class Guidance:
     def go_to(
         self, position_m: Array, yaw_rad: float, time_s: float = 0.0, limits: ProfileLimits | None = None
     ) -> str | None:
-        """Fly to a set point, inertial frame; a refusal is returned as its reason.
-
-        The reference goes there smoothly, within limits that followers impose; without them it steps.
-        """
+        """Fly to an inertial set point, smoothly within `limits`, else at once; return a refusal."""
         problem = self.flight_problem()
         if problem is not None:
             return problem

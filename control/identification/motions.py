@@ -76,10 +76,7 @@ class Motion:
         return self._measured - self._states() @ self._c.T
 
     def improbability(self) -> float:
-        """Return the negative logarithm of the likelihood of the innovations that count, up to a constant.
-
-        They are bivariate in every measurement, and outliers count as of Student's distribution.
-        """
+        """Return the negative log likelihood of innovations, bivariate and Student, up to a constant."""
         found = self.innovations()[self.settled :]
         squares = np.einsum("ki,ij,kj->k", found.conj(), np.linalg.inv(self._expected), found).real
         spread = len(found) * float(np.linalg.slogdet(self._expected)[1])
