@@ -1,7 +1,6 @@
 """The clock of a fleet: the monotonic clock of its host, in a simulated laboratory also a multiple of it.
 
-All processes of a host and programs that join its fleet compute the same time from the same monotonic clock.
-In lockstep they read it from the same page of shared memory.
+In lockstep all processes of a host read it from the same page of shared memory.
 """
 
 from collections.abc import Callable
@@ -24,10 +23,7 @@ _TICKS: Final = 2.0**TIME_BITS
 
 @dataclass(frozen=True)
 class Clock:
-    """Time of a fleet that passes at `speed` times real time; its durations are those of the fleet [s].
-
-    In `lockstep` it is that of `page`, once its place is known.
-    """
+    """Time of a fleet, at `speed` times real time; in `lockstep` that of `page`, once its place is known."""
 
     speed: float = 1.0
     lockstep: bool = False

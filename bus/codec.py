@@ -29,10 +29,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(payload: bytes, message_type: type[M]) -> M:
-    """Unpack and validate a message; unknown fields are skipped, every number in it is finite.
-
-    Raises `RejectedError` with its kind: size, malformed, type or value.
-    """
+    """Unpack and validate a message; unknown fields are skipped, numbers finite. Raises `RejectedError`."""
     if len(payload) > message_type.MAX_BYTES:
         raise RejectedError("size", f"{len(payload)} bytes, at most {message_type.MAX_BYTES} are allowed")
     try:

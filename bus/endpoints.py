@@ -53,10 +53,9 @@ def router_config(
     *,
     patient: bool = False,
 ) -> zenoh.Config:
-    """Return the configuration of the router of a host; it does no discovery.
+    """Return the configuration of the router of a host, without discovery; links to `connect` are retried.
 
-    Links to the routers `connect` are retried. `namespace` is for tests, `protection` None admits every
-    client. A `patient` router waits for clients that get no processor.
+    `protection` None admits every client. A `patient` router waits for clients that get no processor.
     """
     settings = _common(namespace, None if protection is None else protection.credentials, patient) | {
         "mode": "router",

@@ -1,7 +1,6 @@
-"""How a process shows its supervisor that its working loop makes progress.
+"""How a process shows its supervisor progress: its working loop counts turns on a page that it inherits.
 
-Each process inherits a page of shared memory and counts the turns of its loop in it; the supervisor checks
-that the count changes. Only the loop itself beats: a helper thread would continue while the loop hangs.
+Only the loop itself beats: a helper thread would continue while the loop hangs.
 """
 
 import mmap

@@ -66,10 +66,7 @@ class Dials:
         self._since_s: dict[int, float] = {}
 
     def abandon_lost(self, now_s: float, missing_s: float) -> int:
-        """End attempts whose request was lost, so that the next one begins at once; return how many.
-
-        `missing_s`: how long a host has been missing. Attempts may then take longer, if it is only far away.
-        """
+        """End attempts whose request was lost; their limit grows with `missing_s`. Return how many ended."""
         limit_s = min(LONGEST_DIAL_S, DIAL_LIMIT_S + PATIENCE_GROWTH * missing_s)
         since_s: dict[int, float] = {}
         abandoned = 0

@@ -24,10 +24,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class LinkService:
-    """Watches the links of a router in a thread of its own, in real time; that of the fleet has a `speed`.
-
-    In slow motion beats are as much slower, up to ten times.
-    """
+    """Watches the links of a router in a thread, in real time; `speed` below 1 slows beats up to tenfold."""
 
     def __init__(
         self,

@@ -103,7 +103,4 @@ class Message(Struct, frozen=True, kw_only=True):
     schema_version: Annotated[int, Meta(ge=1, le=MAX_COUNT)] = SCHEMA_VERSION
 
     def check(self) -> None:
-        """Reject contents that the types allow but the meaning forbids.
-
-        Raises `InvalidMessageError`: Names the field and what is allowed.
-        """
+        """Raise `InvalidMessageError`, naming the field, for what types allow but the meaning forbids."""

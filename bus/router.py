@@ -36,10 +36,7 @@ def run_router(
     protection: Protection | None = None,
     clock: Clock = REAL_TIME,  # clock of the fleet; links between hosts are judged in real time
 ) -> None:
-    """Route until SIGTERM or SIGINT; the heartbeat continues as long as messages pass through the router.
-
-    Raises `OSError`: a listen endpoint cannot be opened.
-    """
+    """Route until SIGTERM or SIGINT, with a heartbeat while messages pass; `OSError` if it cannot listen."""
     # A byte in a pipe also ends a wait that begins a moment after the signal.
     ended, end = os.pipe()
     os.set_blocking(end, False)

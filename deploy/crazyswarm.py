@@ -1,7 +1,4 @@
-"""Reads the configuration of Crazyswarm2, `crazyflies.yaml` and `motion_capture.yaml`.
-
-Both readers append a sentence to `remarks` for everything that the fleet file cannot express, by robot.
-"""
+"""Reads `crazyflies.yaml` and `motion_capture.yaml` of Crazyswarm2; `remarks` get what has no equivalent."""
 
 import math
 from collections.abc import Iterator
@@ -59,10 +56,9 @@ class MotionCapture(Struct, frozen=True):
 
 
 def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
-    """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
+    """Return the enabled vehicles of a `crazyflies.yaml`, in its order; `FleetError` names file and robot.
 
-    The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
-    rigid body. Raises `FleetError`: says which file and robot cannot be used, and why.
+    The first one leads, the others keep their initial distances. Names are those of the rigid bodies.
     """
     document = _document(path, remarks)
     if isinstance(document, dict) and "crazyflies" in document:

@@ -45,10 +45,9 @@ class NewVehicle(NamedTuple):
 
 
 def formation_of(source: Path, placed: Sequence[NewVehicle], prefix: str) -> list[NewVehicle]:
-    """Return vehicles at positions `offset_m` as a formation behind the first one.
+    """Return vehicles at positions `offset_m` as a formation behind the first one; empty ports: simulated.
 
-    Names get small letters, and the prefix if they do not begin with a letter; empty ports become simulated.
-    Raises `FleetError` if two names are the same then.
+    Names get small letters, and the prefix unless a letter is first. `FleetError` if two are the same then.
     """
     vehicles = []
     for vehicle in placed:

@@ -67,10 +67,7 @@ class Supervisor:
         return self.armed is on
 
     def step(self, now_s: float, set_point_s: float, *, thrusts: bool) -> None:
-        """Decide once more.
-
-        `set_point_s`: when the newest set point arrived. `thrusts`: whether motors run faster than idle.
-        """
+        """Decide once more; `set_point_s`: arrival of the newest. `thrusts`: motors run faster than idle."""
         self._thrust_s = now_s if thrusts else self._thrust_s
         stuck = self.blocked and self.state in FLIES
         self._blocked_s = min(self._blocked_s, now_s) if stuck else math.inf

@@ -76,8 +76,7 @@ class PlantFaults:
 
 
 class Plant(ABC):
-    """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume; subclasses add
-    dynamics.
+    """A vehicle that flies: delay of sticks, weather, battery, floor, flight volume; subclasses add dynamics.
 
     Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
     before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
@@ -113,8 +112,7 @@ class Plant(ABC):
     def place(self, pose: BodyPose) -> None:
         """Put the vehicle somewhere at rest, as by hand: battery, weather and time continue.
 
-        Position and yaw count. On the floor the motors stop, above it the vehicle hovers. Raises `ValueError`
-        if the pose is not finite or below the floor.
+        Position and yaw count; it hovers or stands on the floor. `ValueError`: not finite or below the floor.
         """
         x, y, z = pose.position_m
         if not all(map(math.isfinite, (x, y, z, pose.yaw_rad))) or z < 0:
@@ -168,11 +166,9 @@ class Plant(ABC):
         return 1.0 - self._conditions.battery_sag * used
 
     def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; they act after the transport
-        delay.
+        """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; the transport delay follows.
 
-        Motors run. Commands act in the order of the calls. Raises `ValueError` if these are not four finite
-        numbers, or the time is negative or not finite.
+        Motors run; calls act in order. `ValueError` unless four finite numbers and a finite time from 0 on.
         """
         sticks = four(inputs)
         if not all(map(math.isfinite, sticks)):

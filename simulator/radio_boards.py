@@ -67,10 +67,9 @@ class FreeRunningModule(RadioModule):
 
 
 class Dsm2Board(FreeRunningModule):
-    """Spektrum radio board fed with 14-byte frames (format: EdgeTX, `pulses/dsm2.cpp`).
+    """Spektrum radio board fed with 14-byte frames (format: EdgeTX, `pulses/dsm2.cpp`); it answers nothing.
 
-    It answers nothing and repeats its last frame for ever, and obeys the bind flag only if the first frame
-    after power-up has it.
+    It repeats its last frame for ever, and obeys the bind flag only in the first frame after power-up.
     """
 
     def __init__(self, powered_s: float = 0.0) -> None:
@@ -97,9 +96,8 @@ class Dsm2Board(FreeRunningModule):
 class DsmpModule(FreeRunningModule):
     """Lemon-Rx DSMP module (format: EdgeTX, `pulses/dsmp.cpp`).
 
-    It needs a set-up frame, and reads channels as 10-bit ones until it has it. Like a bare board it is
-    assumed to repeat its last channels when the frames stop. `firmware` is the major version it reports after
-    every set-up frame.
+    It reads channels as 10-bit ones until it has a set-up frame, after which it reports its major version
+    `firmware`. Like a bare board it is assumed to repeat its last channels when the frames stop.
     """
 
     def __init__(self, powered_s: float = 0.0, *, firmware: int = 1) -> None:
@@ -147,10 +145,7 @@ class DsmpModule(FreeRunningModule):
 
 
 class TrainerTransmitter(FreeRunningModule):
-    """A transmitter with its trainer switch on, fed by a ppm-gen Arduino (protocol: isleder/ppm-gen).
-
-    Without trainer pulses it sends its own sticks, which are parked at throttle low.
-    """
+    """A transmitter fed by a ppm-gen Arduino (isleder/ppm-gen); sends throttle low without pulses."""
 
     def __init__(
         self, settings: PpmSettings | None = None, *, model_match: int = 0, powered_s: float = 0.0

@@ -26,9 +26,8 @@ class ReceiverState(StrEnum):
 class Receiver:
     """Receives the packets of a module and drives the vehicle's channels.
 
-    `model_match`: number it was bound with; None when it was never bound. `connect_s`: time to find a module
-    on new radio channels; 2 to 6 s are typical. `answers_bind`: newer receivers answer a bind, old DSM2 ones
-    do not.
+    `model_match`: number it was bound with, if any. `connect_s`: time to find a module on new radio channels;
+    2 to 6 s are typical. `answers_bind`: newer receivers answer a bind, old DSM2 ones do not.
     """
 
     def __init__(

@@ -28,9 +28,8 @@ class Published(NamedTuple):
 class TrackerServer:
     """A Tracker that shows the frames given to `publish`; clients that read too slowly lose frames.
 
-    `profile`: age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3. Raises
-    `ValueError`: unknown profile, rate not positive. Raises `OSError`: the address cannot be listened on;
-    port 0 selects a free one, see `address`.
+    `profile`: age of the Tracker, and so its offer: tracker1, tracker2 or tracker3. `ValueError`: others,
+    or a rate not positive. `OSError`: it cannot listen on the address; port 0: a free one, see `address`.
     """
 
     def __init__(

@@ -29,10 +29,7 @@ _Encoded = tuple[Sequence[int] | None, list[bytes]]
 
 
 class TrackedBody(NamedTuple):
-    """One subject at the capture instant: its pose in the world, Z up, and its quality from 0 to 1.
-
-    An occluded subject is listed, but not seen. The root segment has the subject's name unless given.
-    """
+    """A subject at the capture instant: pose in the world, Z up, quality 0 to 1; occluded: listed, unseen."""
 
     name: str
     position_m: Three

@@ -141,10 +141,7 @@ def remove_page(path: Path) -> None:
 
 
 class LockstepTime:
-    """What launchers do for the time of a fleet, on a page that exists from `begin` to `end`.
-
-    It waits for processes: none of them hangs, and none has to be replaced at once.
-    """
+    """Launchers' side of the time of a fleet, on a page from `begin` to `end`; it waits for every process."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

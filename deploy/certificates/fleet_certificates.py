@@ -15,10 +15,8 @@ def make_certificates(
 ) -> list[str]:
     """Make the certificates that are missing, unusable, expire soon, or are for another address; report each.
 
-    `now`: present time, with its zone. `days`: validity of new certificates. `renew`: issue every certificate
-    again. `new_authority`: replace the authority, so that all earlier certificates become invalid. Raises
-    `FleetError`: the fleet file names no directory, or its authority cannot be used. Raises `OSError`: files
-    cannot be read or written.
+    `now` has a zone. `days`: validity of new ones. `renew`: issue every one again. `new_authority`: make all
+    earlier ones invalid. `FleetError`: no directory, or an unusable authority; `OSError`: unusable files.
     """
     if (directory := directory_of(fleet)) is None:
         raise FleetError(

@@ -1,9 +1,7 @@
-"""Finds vehicles that no agent commands any more, so that this host starts one.
+"""Finds vehicles that no agent commands any more, so that this host starts one; leases decide among hosts.
 
-In flight the commands behind the serial frames show whether an agent flies the vehicle, wherever it runs. On
-the floor the launcher that keeps the agent running must be silent as well, so that agents that were stopped
-are not replaced. Nothing is started without news from the transmitter gateway. If several hosts start an
-agent, leases decide.
+In flight the commands behind the serial frames show it; on the floor the launcher of the agent must be silent
+as well: stopped agents are not replaced. Nothing is started without news from the transmitter gateway.
 """
 
 import math

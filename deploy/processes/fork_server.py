@@ -1,8 +1,7 @@
-"""The fork server of a host: starts the host's processes by forking.
+"""The fork server of a host: starts its processes by forking, faster than by importing libraries again.
 
-Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait. The fork
-server imports once, and forks on order; forked processes share what it has prepared. It forks twice and ends
-the process between, so that the supervisor, which adopts orphans, becomes the parent.
+It imports once, and forks on order; forked processes share what it has prepared. It forks twice and ends the
+process between, so that the supervisor, which adopts orphans, becomes the parent.
 
 Orders and answers are JSON datagrams over a Unix socket. An order that starts a process comes with four
 descriptors: standard input, log, heartbeat page, and a pipe on which the forked process waits for permission.
@@ -47,10 +46,7 @@ class ForkAnswer(TypedDict, total=False):
 
 
 def main() -> None:
-    """Entry point: DESCRIPTOR PRIORITY MODULE,MODULE,... [SNAPSHOT HOST VEHICLE...].
-
-    Imports the modules, prepares the pilots, and serves until the supervisor closes its end of the socket.
-    """
+    """Entry point: DESCRIPTOR PRIORITY MODULE,... [SNAPSHOT HOST VEHICLE...]; runs until the socket ends."""
     descriptor, priority, modules, *pilots = sys.argv[1:]
     name_process("fork server")
     for module in filter(None, modules.split(",")):

@@ -1,7 +1,4 @@
-"""Logging of the processes of a fleet to standard error; supervised processes add the time.
-
-A disk, a full pipe or a terminal can block what writes to it. Loops only queue their lines.
-"""
+"""Logging to standard error, which may block: loops only queue lines. Supervised processes add the time."""
 
 import logging
 import os

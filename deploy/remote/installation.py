@@ -68,10 +68,7 @@ class Login:
 
 
 def steps(fleet: FleetFile, fleet_path: Path, host: str, login: Login, wheel: Path) -> Iterator[Step]:
-    """Yield the steps of the installation of a host, in order; `OSError` if a file cannot be read.
-
-    Raises `FleetError`: a vehicle type cannot be used, or its file is not below that of the fleet file.
-    """
+    """Yield the steps of the installation of a host; `FleetError` for unusable types, `OSError` for files."""
     type_files, unit = _type_files(fleet), _unit(fleet, host, login)
     software = wheel.read_bytes()
     yield _file(f"{DIRECTORY}/{wheel.name}", software, 0o644)

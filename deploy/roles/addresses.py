@@ -12,10 +12,7 @@ from rcopterx.fleet.schema import FleetFile
 
 
 def bus_address(fleet: FleetFile, host: str, process: str = "") -> BusAddress:
-    """Return where processes of a host find their router: at its socket, or at its TCP address.
-
-    In lockstep a `process` with a name takes turns, one without only follows the time.
-    """
+    """Return where processes of a host find their router; in lockstep only a named `process` takes turns."""
     return BusAddress(
         endpoints=tuple(router_endpoints(fleet, host)),
         fleet=fleet.name,
