@@ -89,7 +89,7 @@ class LinkService:
         self._links = links
         broken = self._watch.broken(links, now_s)
         for link in broken:
-            _LOG.warning("links: %s is closed, to be dialled again", _text(link))
+            _LOG.warning("links: %s:%d - %s:%d is closed, to be dialled again", *link.local, *link.remote)
             close_link(link)
         complete = len(links) - len(broken) >= len(self._others)
         if complete:
@@ -119,7 +119,3 @@ def _address(locator: str) -> tuple[str, int]:
     """Address and port of a locator like `tcp/192.168.0.10:7447`."""
     host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
     return host.strip("[]"), int(port)
-
-
-def _text(link: RouterLink) -> str:
-    return f"{link.local[0]}:{link.local[1]} - {link.remote[0]}:{link.remote[1]}"

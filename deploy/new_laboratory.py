@@ -164,11 +164,7 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
             "# In formation, once it has hovered alone; metres along the axes of the Tracker.",
             f"# follow = [{{ leader = {quoted(leader)}, offset_m = {offset_m} }}]",
         ]
-    lines += [
-        "",
-        f"[vehicles.{key}.transmitter]",
-        f"port = {quoted(vehicle.port)}",
-    ]
+    lines += ["", f"[vehicles.{key}.transmitter]", f"port = {quoted(vehicle.port)}"]
     if vehicle.protocol in MODEL_MATCH_OPTIONS:
         lines += [
             f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
