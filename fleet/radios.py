@@ -10,8 +10,7 @@ from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.protocol import ProtocolError, RadioProtocol
 from rcopterx.radios.registry import create_protocol, default_line, settings_class
 
-MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
-"""Option for the number of the model match, by radio protocol; the others send none."""
+MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}  # others send none
 
 
 def calibration_of(fleet: FleetFile, name: str) -> Calibration:

@@ -58,10 +58,7 @@ def digest_of(fleet: FleetFile) -> str:
 
 
 def at_speed(fleet: FleetFile, speed: float | None, lockstep: bool = False) -> FleetFile:
-    """Return a fleet whose time passes at a speed, or in lockstep; None and False mean as in its file.
-
-    Raises `FleetError`: the fleet flies hardware, the speed is out of range, or a part of it cannot wait.
-    """
+    """Return a fleet at a speed, or in lockstep; None, False: as in its file. May raise `FleetError`."""
     simulator = fleet.simulator
     if simulator is not None and (lockstep or simulator.lockstep):
         if len(fleet.hosts) > 1 or fleet.tracker.brand != "vicon":
@@ -184,10 +181,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) -> T:
-    """Convert a table at the path `where` of the file to a type; unless `strict`, texts become numbers.
-
-    Raises `FleetError`: names the path of a wrong type, a missing or unknown field, or a refused value.
-    """
+    """Convert the table at path `where`; unless `strict`, texts become numbers. May raise `FleetError`."""
     try:
         return msgspec.convert(raw, kind, strict=strict)
     except msgspec.ValidationError as error:

@@ -36,10 +36,7 @@ class LogContents:
 
 
 def messages_of(path: Path, contents: LogContents | None = None) -> Iterator[LoggedMessage]:
-    """Yield the messages of a file in order of recording, filling `contents`; or `FlightLogError`.
-
-    Damaged records are left out and noted.
-    """
+    """Yield messages as recorded, fill `contents`, note what is damaged; may raise `FlightLogError`."""
     contents = LogContents() if contents is None else contents
     channels: dict[int, str] = {}
     with _opened(path) as file:

@@ -19,8 +19,7 @@ COMPRESSION: Final = "zstd"
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
 MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024  # Decompressed. The recorder writes some kilobytes.
 SIZE_UNKNOWN: Final = -1  # size of a frame of zstandard that declares none
-MALFORMED: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError)
-"""Raised by the library for records that contradict themselves."""
+MALFORMED: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # by contradictory records
 WINDOW_BYTES: Final = 1024 * 1024  # of a file that is searched at once for the next chunk
 HEAD: Final = struct.Struct("<BQ")  # opcode, length
 _CHUNK: Final = struct.Struct("<QQQII")  # first, last time; size; checksum; length of the compression name
@@ -89,7 +88,6 @@ class RecordWalk:
             at, checksum = record.end, record.checksum
 
     def _end(self, record: McapRecord, checksum: int) -> None:
-        """Judge the whole file at the end of its records."""
         summary = _summary_bytes(self._file, self._size)
         (declared,) = _CHECKSUM.unpack(record.content)
         if self.missing:

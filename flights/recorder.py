@@ -20,8 +20,7 @@ from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLUSH_S: Final = 0.1  # time between two chunks; a recorder that is killed loses no more than twice this
 REPORT_S: Final = 1.0
-MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
-"""About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
+MAX_WAITING_BYTES: Final = 64 * 1024 * 1024  # about a minute of three vehicles; more is dropped and counted
 TIME_MASK_NS: Final = 1023  # cleared bits of times, which compress as zeros, below their accuracy
 
 

@@ -50,10 +50,7 @@ def text_of(path: Path) -> str:
 
 
 def decoded(data: bytes) -> str:
-    """Return text without byte order mark, its lines ended by newlines; `TextError` if it is none.
-
-    It is UTF-8, or with its mark UTF-16.
-    """
+    """Return UTF-8, or UTF-16 with its mark, without mark and with newlines; `TextError` if it is neither."""
     try:
         text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:

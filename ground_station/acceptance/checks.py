@@ -99,11 +99,9 @@ def transmitters_undisturbed(_: FlightFigures, vehicles: Tables) -> Result:
 
 CONTROLLED: Final = (_ticked, _no_period_missed)  # every vehicle was controlled all the time
 IN_THE_AIR: Final = (_ticked, _not_on_floor, _inside_volume)  # no vehicle fell or flew away
-ALWAYS: Final = (_ticked, _no_period_missed, _not_on_floor, _inside_volume)
-"""Checks of every manoeuvre without faults and landings."""
+ALWAYS: Final = (_ticked, _no_period_missed, _not_on_floor, _inside_volume)  # without faults and landings
 
-USUAL_P99_MS: Final = {"pose_to_command_ms": 5.0, "frame_to_radio_ms": 12.0}
-"""99th percentiles of the latencies on an idle computer, by their names in a report [ms]."""
+USUAL_P99_MS: Final = {"pose_to_command_ms": 5.0, "frame_to_radio_ms": 12.0}  # on an idle computer
 
 
 def remarks_on_latency(report: Mapping[str, Any]) -> list[str]:

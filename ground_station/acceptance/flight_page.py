@@ -11,10 +11,7 @@ from rcopterx.ground_station.report.document import percentile_table, table, veh
 
 
 def write_page(reports: Sequence[Mapping[str, Any]], pictures: Mapping[str, str], directory: Path) -> Path:
-    """Write `index.html` into a directory, which is created if missing.
-
-    `pictures` holds SVG elements by manoeuvre.
-    """
+    """Write `index.html` into a directory, created if missing; `pictures` holds SVG elements by manoeuvre."""
     rows = (
         (pages.link(report["manoeuvre"]), report["title"], pages.verdict(report), reason_of(report))
         for report in reports

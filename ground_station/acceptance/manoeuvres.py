@@ -1,7 +1,4 @@
-"""The table of manoeuvres, with checks on their flights.
-
-The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAME` flies a row of it.
-"""
+"""The table of manoeuvres and their checks: acceptance test, demonstration and `rcopterx fly NAME`."""
 
 import math
 from types import MappingProxyType

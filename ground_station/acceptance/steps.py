@@ -171,10 +171,7 @@ def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
 
 @step
 def refused(fleet: Fleet, say: Say, _wait: Wait, what: str, request: Callable[[Fleet], object]) -> None:
-    """Make a request that must be refused.
-
-    Raises `NotReachedError`: the request was accepted.
-    """
+    """Make a request that must be refused; raises `NotReachedError` if it is accepted."""
     try:
         request(fleet)
     except RefusedError as error:

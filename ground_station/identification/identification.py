@@ -94,7 +94,6 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
 
 
 def _attempt(request: Callable[[], object], name: str, failures: dict[str, str]) -> None:
-    """Make a request; add its failure, if any, to those that are known."""
     try:
         request()
     except FLIGHT_ERRORS as error:

@@ -11,10 +11,8 @@ from rcopterx.ground_station.page.sentences import Level, taken_over
 from rcopterx.ground_station.quantities import battery_low, voltage
 from rcopterx.ground_station.scripting.state import VehicleState
 
-GONE_S: Final = 10.0
-"""How long an alarm stays after its cause has ended."""
-UNSEEN_S: Final = 0.2
-"""Time without a pose in flight from which it is an alarm."""
+GONE_S: Final = 10.0  # how long an alarm stays after its cause has ended
+UNSEEN_S: Final = 0.2  # time without a pose in flight from which it is an alarm
 SLOW: Final = "this computer is too slow for its fleet"
 _SLOW: Final = re.compile(rf"{SLOW}|more agents run on this computer|: a call took longer than \d+ ms")
 _NUMBERS: Final = re.compile(r"[\d.█░]+")

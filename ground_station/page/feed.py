@@ -17,10 +17,8 @@ from websockets.protocol import State
 from rcopterx.ground_station.page.history import KEPT_S, SAMPLE_S
 
 PERIOD_S: Final = 0.025  # between two checks for something new
-BEAT_S: Final = 0.5
-"""Longest time without a message, by which browsers know that the page's process responds."""
-PARTS: Final = ("motion", "texts", "fleet")
-"""What changes often, less often, and never: vehicles, volume, what can be chosen."""
+BEAT_S: Final = 0.5  # longest time without a message, by which browsers know that the process responds
+PARTS: Final = ("motion", "texts", "fleet")  # change often, less often, and never
 Seen = dict[str, int]  # what a browser has received: numbers by part
 encode = msgspec.json.encode
 

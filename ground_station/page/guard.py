@@ -20,8 +20,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 HOST: Final = "127.0.0.1"
-NAMES: Final = (HOST, "localhost")
-"""Names under which this computer serves the page; a name that was rebound to its address is another one."""
+NAMES: Final = (HOST, "localhost")  # another name may have been rebound to this address
 KEY_BYTES: Final = 32
 FEED: Final = "feed"  # path of the WebSocket below the secret
 DO: Final = "do"  # path of requests below the secret; their content is the query

@@ -30,8 +30,7 @@ WEB: Final = Path(__file__).parent / "web"
 UPDATE_S: Final = 0.05
 TEXT_S: Final = 0.25
 COMES_UP_S: Final = 15.0  # how long the page waits for a fleet that is being started
-GONE_S: Final = 3.0
-"""How long a fleet is shown as down before the page tries to join it again."""
+GONE_S: Final = 3.0  # how long a fleet is shown as down before the page tries to join it again
 NOTICES_KEPT: Final = 5
 _CONTROLS: Final = re.compile("<!--controls-->.*?<!--/controls-->", re.DOTALL)  # parts of the document
 

@@ -10,8 +10,7 @@ from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.phases import Phase
 
 Level = Literal["off", "calm", "busy", "amber", "red"]
-DOWN_S: Final = 2.0
-"""Age of the newest status of all vehicles from which a fleet counts as down."""
+DOWN_S: Final = 2.0  # age of the newest status of all vehicles from which a fleet counts as down
 
 _PHASES: Final[Mapping[str, tuple[str, str, Level]]] = {
     Phase.FLYING: ("flies", "fly", "calm"),
@@ -106,7 +105,6 @@ def fleet_sentence(states: Sequence[VehicleState], problems: Sequence[str]) -> W
 
 
 def _named(texts: Mapping[str, str]) -> list[str]:
-    """Names of the vehicles with each text."""
     return [
         f"{', '.join(name for name, own in texts.items() if own == text)} {text}"
         for text in dict.fromkeys(texts.values())
@@ -114,7 +112,6 @@ def _named(texts: Mapping[str, str]) -> list[str]:
 
 
 def _counted(states: Sequence[VehicleState]) -> list[str]:
-    """How many vehicles are in each phase, in the order of `_PHASES`."""
     counts = {phase: sum(state.phase == phase for state in states) for phase in _PHASES}
     return [f"{count} {_PHASES[phase][count > 1]}" for phase, count in counts.items() if count]
 

@@ -101,7 +101,6 @@ class PageSteering:
             self._follow(name, (link_to(state.assigned[0], place_m, leader.position_m, yaw_rad),))
 
     def _follow(self, name: str, links: Sequence[LeaderLink]) -> None:
-        """Set the leaders of a vehicle, none to let it lead."""
         vehicle = self._fleet[name]
         self.run(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
 
@@ -179,7 +178,6 @@ class Request(Struct, frozen=True, forbid_unknown_fields=True):
 
 @cache
 def _arguments_of(name: str) -> type[Struct]:
-    """Arguments of a method as a type."""
     hints = get_type_hints(getattr(PageSteering, name), include_extras=True)
     fields = [(field, hint) for field, hint in hints.items() if field != "return"]
     return msgspec.defstruct(name, fields, forbid_unknown_fields=True)

@@ -30,8 +30,7 @@ S = TypeVar("S", Pose, Plan, Applied)
 
 PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
-TO_COMMAND = {"gateway", "agent", "solver", "command"}
-"""Stages between the arrival of a frame at the Vicon gateway and that of its command at the transmitter's."""
+TO_COMMAND = {"gateway", "agent", "solver", "command"}  # stages from the Vicon to the transmitter gateway
 SETTLED_S = 3.0  # a vehicle that leads shall have reached its set point this long after it changed
 AT_REST_M = 0.001
 LONGEST_LATENCY_MS = 1000.0  # events that are further apart do not belong together
@@ -48,8 +47,7 @@ class FlightFigures:
         self._vehicles = list(vehicles)
         states = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
         true_offsets = restart_offsets(state.frame for state in states)
-        self.laboratory = list(map(shifted, states, true_offsets))
-        """States of the simulated laboratory in order; empty with hardware."""
+        self.laboratory = list(map(shifted, states, true_offsets))  # in order; empty with hardware
 
         def by_vehicle(channel: Channel[M]) -> dict[str, list[M]]:
             return {name: [m for m, _ in recording.messages(channel, name)] for name in vehicles}

@@ -40,10 +40,7 @@ def svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *dat
 def flight_svg(
     name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[LoggedEvent] = ()
 ) -> str:
-    """Positions, references, errors, plans and latencies of the vehicles `names` of a flight, as SVG.
-
-    `name` is unique on the page. Events are thin lines at their times, alarming ones in red.
-    """
+    """Motion, errors, plans, latencies and events of vehicles as SVG; `name` is unique on the page."""
     return svg_of(name, FLIGHT_SIZE, _draw_flight, names, figures, events)
 
 
@@ -83,7 +80,6 @@ def _plot(axes: Any, x: Array, y: Array, colour: str, **style: Any) -> None:
 
 
 def _times_s(figures: FlightFigures, frames: NDArray[Any]) -> Array:
-    """Times of frames since the first frame of the flight."""
     return np.asarray((frames - figures.first_frame()) * figures.frame_period_s())
 
 

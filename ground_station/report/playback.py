@@ -28,10 +28,7 @@ def playback(
     events: Sequence[LoggedEvent],
     volume: tuple[Sequence[float], Sequence[float]],
 ) -> Html:
-    """Element that plays a flight in three dimensions: drag to turn it, use the wheel to zoom.
-
-    `name` is unique on the page; `volume` has the lower and upper corner of the flight volume [m].
-    """
+    """Element that plays a flight in 3D; `name` is unique on the page, `volume`: low and high corner [m]."""
     data = flight_data(figures, vehicles, events, volume)
     # Escaped, so that no text of the flight can end the element.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

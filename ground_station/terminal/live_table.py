@@ -11,8 +11,7 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 
 GAP = 2  # blanks between two columns
 COLUMNS = tuple(quantity for quantity in QUANTITIES if quantity.width)
-FULL_WIDTH = sum(column.width + GAP for column in COLUMNS)
-"""Width of a terminal that has room for all columns."""
+FULL_WIDTH = sum(column.width + GAP for column in COLUMNS)  # of a terminal with room for all columns
 
 
 def fitting(width: int) -> list[Quantity]:

@@ -48,10 +48,7 @@ def interruptible(
     record: bool = True,
     script: str = "",
 ) -> Iterator[tuple["Fleet", Interrupts]]:
-    """Start the processes of a host and join the fleet; at the end, or after Ctrl-C, it lands and stops.
-
-    In lockstep this program takes turns as `script`.
-    """
+    """Start the processes of a host, join the fleet, in lockstep as `script`; at the end land and stop."""
     from rcopterx.ground_station.scripting.launched import processes_up
 
     this_host = chosen_host(file, host)
@@ -109,10 +106,7 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
 def show_fleet(
     fleet: "Fleet", interrupts: Interrupts, lines: deque[str], done: Callable[[], bool] = lambda: False
 ) -> None:
-    """Show a fleet until it is done or a signal arrives: a live table, or lines without a terminal.
-
-    `lines` are printed beside it; any thread may add some.
-    """
+    """Show a fleet until it is done or a signal arrives, as table or lines; any thread may add to `lines`."""
     from rich.console import Console
     from rich.live import Live
 

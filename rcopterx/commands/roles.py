@@ -20,7 +20,6 @@ def _run(role: str, unit: str, fleet: str) -> None:
 
 
 def _of_host(role: str, text: str) -> Callable[..., None]:
-    """Command that runs the process of a host, with a text for its help."""
 
     def run(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
         _run(role, host, fleet)

@@ -1,7 +1,4 @@
-"""The cache of compiled kernels: a private directory for each version of their sources and kind of computer.
-
-This module does not import numba: the launcher compiles kernels in another process and needs none of it.
-"""
+"""The cache of kernels, by version of their sources and kind of computer; does not import numba."""
 
 import fcntl
 import hashlib
@@ -52,10 +49,7 @@ _PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU impleme
 
 @cache
 def directory() -> Path | None:
-    """Return the private directory of this version's kernels, created if missing; None if there is no place.
-
-    Its content is executed: a place that belongs to another user, or that others may write to, is refused.
-    """
+    """Return the private directory of this version's kernels, created if missing; None without a place."""
     name = f"{_PREFIX}{_digest()}"
     for base in _bases():
         try:
