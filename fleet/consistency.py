@@ -27,16 +27,12 @@ def _check_vehicles(fleet: FleetFile) -> None:
         raise FleetError(f"name: {EVERY_FLEET!r} means every fleet, choose another one")
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
-    reserved_names = (
-        ("vehicles", fleet.vehicles, FIXED_UNITS),
-        ("gateways", fleet.gateways, RESERVED_PROCESSES),
-    )
-    for group, names, reserved in reserved_names:
+    groups = (("vehicles", fleet.vehicles, FIXED_UNITS), ("gateways", fleet.gateways, RESERVED_PROCESSES))
+    for group, names, reserved in groups:
         for name in names:
             if name in reserved:
                 raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
-    subjects = {name: vehicle.subject for name, vehicle in fleet.vehicles.items()}
-    check_unique("vehicles", "subject", subjects)
+    check_unique("vehicles", "subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
     ports = {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
     check_unique("vehicles", "transmitter.port", ports, os.path.normpath)
     low, high = fleet.volume.min_m, fleet.volume.max_m

@@ -16,8 +16,7 @@ MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp":
 def calibration_of(fleet: FleetFile, name: str) -> Calibration:
     """Return the calibration of a vehicle's transmitter: that of its type, and the values in the file."""
     own = fleet.vehicles[name].transmitter.calibration
-    of_type = type_calibration(type_of(fleet, name))
-    return replaced(of_type, own, f"vehicles.{name}.transmitter.calibration")
+    return replaced(type_calibration(type_of(fleet, name)), own, f"vehicles.{name}.transmitter.calibration")
 
 
 def type_calibration(own: VehicleType) -> Calibration:

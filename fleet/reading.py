@@ -280,5 +280,4 @@ def fleet_path(name: str) -> Path:
     # Paths of the source tree also name shipped files, so that examples in the documentation work anywhere.
     if name in shipped or (path.suffix == ".toml" and path.parent.name == "fleets" and path.stem in shipped):
         return shipped[path.stem]
-    hint = similar(name, shipped)
-    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}{hint}")
+    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}{similar(name, shipped)}")

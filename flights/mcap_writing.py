@@ -24,8 +24,7 @@ def schemas() -> dict[str, tuple[str, bytes]]:
     found: dict[str, tuple[str, bytes]] = {}
     for channel in CHANNELS:
         shape = msgspec.json.encode(msgspec.json.schema(channel.message))
-        fixed = channel.unit in FIXED_UNITS
-        key = f"{channel.unit}/{channel.topic}" if fixed else channel.topic
+        key = f"{channel.unit}/{channel.topic}" if channel.unit in FIXED_UNITS else channel.topic
         found[key] = (f"rcopterx.{channel.message.__name__}", shape)
     return found
 

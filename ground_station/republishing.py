@@ -46,8 +46,7 @@ def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
     directory = run_directory(fleet.name, fleet.bus.namespace)
     snapshot = snapshot_path(host, directory)
     write_snapshot(fleet, snapshot)
-    router = ProcessSpec(ROUTER, ROUTER, host)
-    supervisor = Supervisor([router], snapshot, directory / "log", ForkServer())
+    supervisor = Supervisor([ProcessSpec(ROUTER, ROUTER, host)], snapshot, directory / "log", ForkServer())
     supervisor.start_all()
     try:
         yield bus_address(fleet, host)

@@ -77,11 +77,6 @@ class Demonstration:
             self._flown_s = self._clock() - started_s
             self._recording = self._recorder.stop()
 
-    def _stay(self) -> None:
-        """Wait for the end: people steer."""
-        while True:
-            self._pause(POLL_S)
-
     def _wait_or_stop(self, seconds: float) -> None:
         """Wait between two set points; once another program steers the leader, wait for the end."""
         self._pause(min(seconds, KNOWN_S))
@@ -92,7 +87,8 @@ class Demonstration:
             now = self._task()
             if given is not None and now is not None and now != given:
                 self._say(f"{self._leader} is steered by another program now; Ctrl-C lands")
-                self._stay()
+                while True:
+                    self._pause(POLL_S)
 
     def _pause(self, seconds: float) -> None:
         left_s = self._end_s - self._clock()

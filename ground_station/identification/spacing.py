@@ -38,8 +38,7 @@ def spread(
             f"the flight volume has room for {len(grid)} excited vehicles, not for {len(names)}; "
             "identify fewer at the same time, or give a smaller --reach"
         )
-    squares = ((places[:, None, :2] - grid) ** 2).sum(axis=-1)
-    _, chosen = linear_sum_assignment(squares)
+    _, chosen = linear_sum_assignment(((places[:, None, :2] - grid) ** 2).sum(axis=-1))
     heights = np.clip(places[:, 2], low[2], high[2])
     return {
         name: three(np.array((*point, height)))

@@ -74,8 +74,7 @@ def causes_of(state: VehicleState) -> Iterator[Cause]:
     if agent.following_mode != "follow":
         mode = agent.following_mode.replace("_", " ")
         yield Cause(f"its leader is lost: {mode}", "amber", "choose another leader, or land it", name)
-    for remark in agent.diagnostics.remarks:
-        yield _of_remark(remark, name)
+    yield from (_of_remark(remark, name) for remark in agent.diagnostics.remarks)
 
 
 def _of_arbiter(state: VehicleState) -> Cause:

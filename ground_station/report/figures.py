@@ -216,19 +216,15 @@ class FlightFigures:
         numbers = np.array(frames, dtype=np.int64)
         return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
 
-    def _safety_events(self, name: str) -> list[str]:
-        """States of the arbiter other than armed, each with its reason, in order."""
-        statuses = (status for status in self._transmitters[name] if status.state != "armed")
-        return [event for event, _ in groupby(f"{status.state}: {status.reason}" for status in statuses)]
-
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""
+        overrides = (f"{one.state}: {one.reason}" for one in self._transmitters[name] if one.state != "armed")
         status = [status.diagnostics for status in self.statuses[name]]
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_errors(name)[1]),
             "radio_frames": dict(Counter(applied.state for applied in self.applied[name])),
-            "safety": self._safety_events(name),
+            "safety": [event for event, _ in groupby(overrides)],
         }
         ticks = ("ticks", "missed_ticks", "avoiding_ticks")
         growth = _growth(status, lambda s: {name: getattr(s, name) for name in ticks})

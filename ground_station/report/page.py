@@ -61,18 +61,15 @@ def _completeness(flight: LoggedFlight) -> Html:
 
 def _latencies(flight: LoggedFlight) -> Html:
     parts = []
+    labels = {TOTAL: TOTAL} | {stage: f"{stage}: {text}" for stage, text in STAGES.items()}
     for name in flight.fleet.vehicles:
         if found := stage_figures([times_ms for _, times_ms in flight.figures.stages[name]]):
             parts += [
                 f"<h3>{escape(name)}</h3>",
-                percentile_table({_label(stage): row for stage, row in found.items()}),
+                percentile_table({labels[stage]: row for stage, row in found.items()}),
                 latency_svg(flight.name, name, flight.figures, flight.started_s),
             ]
     return Html("\n".join(parts)) if parts else NOTHING
-
-
-def _label(stage: str) -> str:
-    return stage if stage == TOTAL else f"{stage}: {STAGES[stage]}"
 
 
 def _events(flight: LoggedFlight) -> Html:

@@ -21,8 +21,7 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
             "no fleet is up on this computer; start one (rcopterx up FLEET), "
             "or name the file of one that is up on another computer (-f FLEET)"
         )
-    names = {(one.fleet, one.namespace) for one in running}
-    if len(names) > 1:
+    if len({(one.fleet, one.namespace) for one in running}) > 1:
         listed = ", ".join(sorted({one.fleet for one in running}))
         raise FleetError(f"several fleets are up: {listed}; name the file of one (-f FLEET)")
     return load_fleet(Path(running[0].snapshot)), running[0].host

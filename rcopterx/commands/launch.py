@@ -173,8 +173,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, re
     from rcopterx.ground_station.scripting.daemons import Daemons, joined_fleet
 
     check_without(file, without)
-    here = any(running.fleet == file.name for running in running_fleets())
-    if len(file.hosts) == 1 and not here:
+    if len(file.hosts) == 1 and not any(running.fleet == file.name for running in running_fleets()):
         return False
     if (fleet := joined_fleet(file)) is None:
         if len(file.hosts) > 1:

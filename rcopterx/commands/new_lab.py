@@ -217,8 +217,7 @@ def crazyswarm2(
     vehicles = read_vehicles(source, remarks)
     brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE), remarks)
     name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-    laboratory = NewLaboratory(name, address, *corners, vehicles, brand, rate_hz)
-    write_fleet_file(file, laboratory)
+    write_fleet_file(file, NewLaboratory(name, address, *corners, vehicles, brand, rate_hz))
     for remark in remarks:
         typer.echo(f"remark: {remark}", err=True)
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")

@@ -97,8 +97,7 @@ def top(
             return
         with until_ctrl_c() as interrupts, Live(console=console, auto_refresh=False, screen=True) as live:
             while not interrupts.is_set():
-                columns = COLUMNS if wide else fitting(console.width)
-                live.update(fleet_view(running, columns), refresh=True)
+                live.update(fleet_view(running, COLUMNS if wide else fitting(console.width)), refresh=True)
                 time.sleep(REFRESH_S)
 
 
