@@ -105,8 +105,8 @@ UNIDENTIFIED_GAIN_FACTOR: Final = 1.45
 UNIDENTIFIED = Uncertainty(
     gain_factor=(1.45, 1.45, 1.7),
     delay_s=(0.02, 0.02, 0.05),
-    frequency_fraction=(0.18, 0.25, 0.25),
-    without_tilt=(1.7, 0.02, 0.1),
+    frequency_fraction=(0.15, 0.25, 0.25),
+    without_tilt=(1.65, 0.02, 0.1),
 )
 """A vehicle of which only the type is known."""
 IDENTIFIED = Uncertainty(

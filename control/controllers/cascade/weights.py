@@ -38,7 +38,7 @@ CLIMB: Final[Grades] = (1.0, 10.0)
 YAW_RATE: Final[Grades] = (1.0, 0.2)
 STEP: Final = 1.15  # ratio of the weights of a series
 STEPS: Final = 60  # its largest length
-LARGEST_DEMAND: Final[Grades] = (1.95, 1000.0)  # no identified helicopter is flown softer than its type
+LARGEST_DEMAND: Final[Grades] = (0.64, 1000.0)  # no identified helicopter is flown softer than its type
 
 HORIZONTAL: Final = slice(0, 2)  # x and y among the four axes x, y, z, yaw
 

@@ -317,9 +317,9 @@ VEHICLE_ROWS: Final = (
     ),
     _broken(
         "vehicle-drifts",
-        "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
+        "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.12",
         LaboratoryFault(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
-        LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
+        LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.12, 0.0, 0.0))),
         promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(

@@ -10,8 +10,10 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.fleet.reading import fleet_path, load_fleet
-from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator import laboratory
+from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS
 from rcopterx.simulator.faults import TimedFault
+from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.model import IDENTIFIED, Model
@@ -53,6 +55,26 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
     assert late < 0.4
     assert record.touchdowns == 0
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.15
+
+
+@pytest.mark.parametrize("gain", [1.45, 1 / 1.45])
+def test_a_slow_lightly_damped_helicopter_beyond_the_declared_range_is_not_lost(
+    gain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tilt of 9 rad/s instead of 12.7, damping 0.1, 20 ms late: its loop is unstable until the guard acts."""
+    nominal = HelicopterParameters.nominal()
+    slower = (nominal.fast_mode_rad_s / 9.0) ** 2
+    roll, pitch, yaw = nominal.inertia_kg_m2
+    vehicle = replace(nominal, inertia_kg_m2=(slower * roll, slower * pitch, yaw), added_damping=0.1)
+    plateau = NOMINAL_PLATEAU_M_S2
+    vehicle = vehicle.rigged((gain * plateau[0], gain * plateau[1]))
+    monkeypatch.setattr(laboratory, "helicopter_of", lambda *_: vehicle)
+    late = replace(HELICOPTER, transport_delay_s=COAXIAL.delay_s + 0.02)
+    rig = Rig([RigVehicle("h1", COAXIAL, BodyPose((0.0, 0.0, 1.0)), "cascade")], late, 1, GUARDED)
+    there, back = ((0.6, 0.0, 1.8), (0.0, 0.0, 1.0))
+    record = rig.fly(16.0, [GoToEvent(6.0, "h1", there, 0.0), GoToEvent(11.0, "h1", back, 0.0)])["h1"]
+    assert (record.left_volume, record.touchdowns) == (False, 0)
+    assert np.linalg.norm(record.motion[record.time_s > 14.5, :3] - back, axis=1).max() < 0.2
 
 
 def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
