@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.ground_station.page.steering import SHAPES, formation_links
+from rcopterx.formation.shapes import SHAPES, ShapeName, formation_links
 
 
 @given(st.sampled_from(sorted(SHAPES)), st.integers(0, 11), st.floats(0.5, 1.5))
-def test_vehicles_of_a_formation_are_as_far_apart_as_asked(shape: str, count: int, spacing_m: float) -> None:
+def test_vehicles_of_a_formation_are_as_far_apart_as_asked(
+    shape: ShapeName, count: int, spacing_m: float
+) -> None:
     names = [f"h{number}" for number in range(2, 2 + count)]
     links = formation_links(shape, "h1", names, spacing_m)
     assert list(links) == names
@@ -30,7 +32,7 @@ def test_vehicles_of_a_formation_are_as_far_apart_as_asked(shape: str, count: in
     ],
 )
 def test_a_line_stands_beside_its_leader_and_a_column_behind(
-    shape: str, places: list[tuple[float, float, float]]
+    shape: ShapeName, places: list[tuple[float, float, float]]
 ) -> None:
     links = formation_links(shape, "h1", ["h2", "h3", "h4"], 1.0)
     assert [link.offset_m for link in links.values()] == places
