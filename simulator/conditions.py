@@ -15,7 +15,7 @@ _RANGES: Final = {
     "radio_period_s": (0.0, 0.2), "position_noise_m": (0.0, 1.0), "angle_noise_rad": (0.0, 1.0),
     "trim_offset": (0.0, 1.0), "dropout_fraction": (0.0, 1.0), "turbulence_correlation_s": (1e-3, 1e3),
     "battery_endurance_s": (1.0, 1e6), "substep_s": (1e-5, 0.004), "downwash_m_s2": (0.0, 10.0),
-    "origin_m": (-0.2, 0.2), "gyro_hold_per_s": (0.0, 10.0), "gyro_drift_rad_s": (0.0, 10.0),
+    "gyro_hold_per_s": (0.0, 10.0), "gyro_drift_rad_s": (0.0, 10.0),
 }  # fmt: skip
 """Lowest and highest value of fields of `Conditions`."""
 
@@ -80,8 +80,6 @@ class Conditions:
     """Drifting offset of these gyros, root mean square, with a correlation time of a minute."""
     brushless: bool = False
     """Whether emulated Crazyflies have motors that are armed on request and checked while they spin up."""
-    origin_m: float = 0.0
-    """Height of the origin of the Tracker's subjects above the centres of gravity, along the bodies' z."""
     dropout_fraction: float = 0.0
     """Fraction of the frames in which the Tracker misses a vehicle."""
     substep_s: float = 0.002

@@ -43,12 +43,6 @@ class BodyPose(Struct, frozen=True):
             cr * cp * cy + sr * sp * sy,
         )
 
-    @property
-    def upward(self) -> Three:
-        """Upward axis of the body, inertial frame."""
-        x, y, z, w = self.quaternion_xyzw
-        return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
-
 
 @dataclass(frozen=True, slots=True)
 class Wake:

@@ -14,13 +14,10 @@ tilt model answers by a first-order lag, as equation (1) of the paper assumes.
 
 import math
 from dataclasses import dataclass, fields
-from typing import Final
 
 import numpy as np
 
 from rcopterx.vehicles.state import GRAVITY_M_S2, Array, heading_matrix
-
-_SIGNED: Final = ("upper_phase_rad", "lower_phase_rad", "origin_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +73,6 @@ class TiltModel:
     [m/s^2 per rad/s^2]: T_l I / (m (T_l d_l + 2 k_sl))."""
     flapping_rad_s_m: float = 0.0
     """M_u: angular acceleration by which airspeed tilts the vehicle back [rad/s^2 per m/s]."""
-    origin_m: float = 0.0
-    """Height of the measured place, the origin of the Tracker's subject, above the centre of gravity."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -86,7 +81,7 @@ class TiltModel:
                 continue
             if not math.isfinite(value):
                 raise ValueError(f"{field.name}: must be finite, got {value}")
-            if field.name not in _SIGNED and value < 0.0:
+            if field.name not in ("upper_phase_rad", "lower_phase_rad") and value < 0.0:
                 raise ValueError(f"{field.name}: must not be below 0, got {value}")
         for name in ("frequency_rad_s", "damping_ratio", "servo_lag_s", "bar_time_constant_s"):
             if getattr(self, name) == 0.0:

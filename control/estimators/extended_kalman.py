@@ -177,7 +177,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._set_tilt(measurement)
         predicted, selected = self.lag_filter.x[POSE].copy(), self.horizontal.selected
         if selected is not None:
-            predicted[:2] = selected.origin_m
+            predicted[:2] = selected.x[POSITION]
         deviation = np.sqrt(self.lag_filter.P.diagonal()[POSE] + self._R)
         accepted, pose = self._accept(measurement, predicted, deviation)
         if pose is not None:

@@ -294,8 +294,6 @@ class TiltFilter:
         self._limit[system.wind] = WIND_LIMIT_M_S2
         self._H = np.zeros((4, size))
         self._H[:2, POSITION] = self._H[2:, system.tilt] = np.eye(2)
-        if model.tilt is not None:
-            self._H[:2, system.tilt] = model.tilt.origin_m * np.eye(2)
         self.x: Array = np.zeros(size)
         self.P: Array = np.zeros((size, size))
         self._forget_body()
@@ -304,11 +302,6 @@ class TiltFilter:
     def tilt(self) -> Array:
         """Estimated tilt of the axis of the thrust, inertial frame, shape (2,)."""
         return self.x[self._layout.tilt]
-
-    @property
-    def origin_m(self) -> Array:
-        """Place where the origin of the Tracker's subject is expected, inertial frame, shape (2,)."""
-        return np.asarray(self._H[:2] @ self.x)
 
     @property
     def estimate(self) -> TiltEstimate:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.models.lags import behind_lag
-from rcopterx.control.models.lateral import CORE_FROM, WIND_CORRELATION_S, LateralSystem
+from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
 from rcopterx.control.models.linear import Complex, as_complex, steady_filter, zero_order_hold
 from rcopterx.vehicles.model import Model, Unexplained
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
@@ -227,8 +227,6 @@ def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> Linear
         a, b = as_complex(lateral.continuous), as_complex(lateral.continuous_demand)[:, 0]
         servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
     c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
-    if model.tilt is not None:
-        c[0, CORE_FROM // 2] = model.tilt.origin_m
     density = np.zeros(len(b))
     expected = unexplained(model)
     density[1], density[servo], density[rate] = (

@@ -130,7 +130,6 @@ _TILT: Final = (
 _PLAIN_TILT: Final = _TILT[:3]
 _BAR: Final = (_number("bar time constant", "model.tilt.bar_time_constant_s", "s", 0.3),)
 _BODY: Final = (
-    _number("height of the origin", "model.tilt.origin_m", "m", 0.02, positive=False),
     _number("body offset forward", "offsets.body_rad", "rad", 0.05, 0, positive=False),
     _number("body offset left", "offsets.body_rad", "rad", 0.05, 1, positive=False),
 )

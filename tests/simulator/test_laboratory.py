@@ -89,15 +89,3 @@ def test_unusable_requests_are_refused_by_name() -> None:
         Laboratory({"h1": COAXIAL_LAG, "h2": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 1.0))}, IDEAL)
     with pytest.raises(ValueError, match="seed -1 is negative"):
         Laboratory({}, {}, IDEAL, -1)
-
-
-def test_an_origin_above_the_centre_of_gravity_moves_with_the_tilt() -> None:
-    start = {"h1": BodyPose((1.0, 0.0, 1.0), 0.5 * math.pi, 0.2, 0.0)}
-    lab = Laboratory({"h1": COAXIAL_LAG}, start, replace(IDEAL, origin_m=-0.04))
-    true, measured = lab.plants["h1"].marker_pose, lab.measured_pose("h1")
-    axis = np.array(true.upward)
-    assert np.linalg.norm(axis) == pytest.approx(1.0)
-    assert np.array(measured.position_m) - true.position_m == pytest.approx(-0.04 * axis)
-    assert BodyPose((0.0, 0.0, 0.0), 0.5 * math.pi, 0.2).upward == pytest.approx(
-        (0.0, math.sin(0.2), math.cos(0.2))
-    )

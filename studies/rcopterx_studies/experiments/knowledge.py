@@ -83,9 +83,7 @@ def known_model(
         return identified_model(conditions, name, seed, measured_tilt)
     if nominal is CRAZYFLIE:
         return exact_crazyflie(crazyflie_of(name, conditions, seed))
-    exact = exact_model(helicopter_of(name, conditions, seed))
-    assert exact.tilt is not None
-    return replace(exact, tilt=replace(exact.tilt, origin_m=conditions.origin_m))
+    return exact_model(helicopter_of(name, conditions, seed))
 
 
 def exact_model(parameters: HelicopterParameters) -> Model:

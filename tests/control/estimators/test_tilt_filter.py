@@ -1,6 +1,5 @@
 """Promises of the tilt filter: it finds tilt, trim and crooked markers, with or without a measured tilt."""
 
-import dataclasses
 from collections.abc import Callable
 from copy import deepcopy
 
@@ -142,23 +141,3 @@ def assert_same(one: Estimate, other: Estimate) -> None:
         assert (getattr(one, name) == getattr(other, name)).all()
     for name in ("core", "servo", "wind_m_s2", "trim"):
         assert (getattr(one.tilt, name) == getattr(other.tilt, name)).all()
-
-
-@pytest.mark.parametrize("origin_m", [-0.04, 0.04])
-def test_an_origin_away_from_the_centre_of_gravity_is_allowed_for(origin_m: float) -> None:
-    assert COAXIAL.tilt is not None
-    tilt = dataclasses.replace(COAXIAL.tilt, origin_m=origin_m)
-    model = dataclasses.replace(COAXIAL, tilt=tilt)
-    vehicle = Vehicle(0.4, np.zeros(2), np.zeros(2))
-    found = TiltFilter(model, ExtendedKalmanSettings())
-    found.stand(np.zeros(2), np.zeros(2), 0.4)
-    found.start(np.zeros(2), np.zeros(2), np.zeros(2), 0.4)
-    for step in range(150):
-        stick = 0.3 * np.array([np.sin(0.2 * step), np.cos(0.13 * step)])
-        vehicle.fly(stick)
-        found.predict(stick, 0.4, PERIOD_S)
-        tilt = vehicle.measured_tilt
-        origin = vehicle.state[POSITION] + origin_m * tilt
-        assert found.origin_m == pytest.approx(origin, abs=0.003)
-        found.correct(origin, tilt, 0.4)
-    assert found.x[POSITION] == pytest.approx(vehicle.state[POSITION], abs=2e-4)

@@ -306,15 +306,3 @@ def test_nothing_changes_where_every_part_is_refused(flight: FlightRecording) ->
     assert found.accepted == ()
     assert found.model == another
     assert found.model.unexplained is None
-
-
-def test_the_height_of_the_origin_is_found_beside_the_gains() -> None:
-    true = other_helicopter()
-    assert true.tilt is not None
-    low = replace(true, tilt=replace(true.tilt, origin_m=-0.03))
-    found = identify(simulated_flight(low), COAXIAL)
-    assert found.problems == ()
-    assert numbers(found)["height of the origin"] == pytest.approx(-0.03, abs=0.01)
-    assert found.model.tilt is not None
-    assert found.model.tilt.origin_m == pytest.approx(-0.03, abs=0.01)
-    assert found.model.input_gain[:2] == pytest.approx(true.input_gain[:2], rel=0.1)
