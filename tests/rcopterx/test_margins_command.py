@@ -46,11 +46,11 @@ def test_margins_below_the_rule_are_named_and_fail_scripts(tmp_path: Path) -> No
     assert run("margins", path, "h1").exit_code == 0
     result = run("margins", path, "h2")
     assert result.exit_code == 1
-    assert all(margin in result.output for margin in ("gain up", "frequency down", "delay"))
+    assert all(margin in result.output for margin in ("gain up", "delay", "corners"))
     document = json.loads(run("margins", path, "--json").output)["vehicles"]
     assert document["h1"]["axes"]["horizontal"]["below_rule"] == []
     below = document["h2"]["axes"]["horizontal"]["below_rule"]
-    assert {"gain up", "frequency down", "delay"} <= set(below)
+    assert {"gain up", "delay", "corners"} <= set(below)
     horizontal = document["h2"]["axes"]["horizontal"]
     assert horizontal["delay_s"] < horizontal["rule"]["delay_s"] == 0.02
 
@@ -84,7 +84,7 @@ def test_what_cannot_be_computed_is_refused_with_the_reason(
 
 def test_a_fleet_is_warned_before_it_flies_of_vehicles_below_the_rule_only(tmp_path: Path) -> None:
     (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path, LOOSE))))
-    assert warning.startswith("h2: margins of horizontal below the rule: gain up, frequency down, delay")
+    assert warning.startswith("h2: margins of horizontal below the rule: gain up, delay, corners")
 
 
 def test_margins_that_cannot_be_told_are_not_passed_over(
