@@ -11,7 +11,7 @@ from rcopterx.radios.crtp import LONGEST_DATA
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie_log import ENDURANCE_S, CrazyflieLog
-from rcopterx.simulator.crazyflie_supervisor import PERIOD_S, STANDING_G, Supervisor
+from rcopterx.simulator.crazyflie_supervisor import PERIOD_S, STANDING_G, FirmwareSupervisor
 from rcopterx.simulator.first_order_plant import thrust_acceleration
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
@@ -56,7 +56,7 @@ class Crazyflie(UdpVehicle):
         self._advanced_s = self._running_s = now_s
         self._sensed: tuple[float, ...] | None = None
         self._next_s = now_s - STATES_OF_START * PERIOD_S
-        self.supervisor = Supervisor(self._next_s, arms_itself=self._arms_itself)
+        self.supervisor = FirmwareSupervisor(self._next_s, arms_itself=self._arms_itself)
         self._supervise(now_s)
 
     @property

@@ -38,12 +38,12 @@ TRANSITIONS: Final[dict[str, dict[str, str]]] = {
     "locked": {},
     "crashed": {"checks fail": "recovered", "locked": "stop"},
 }  # fmt: skip
-"""By state: the first one follows of whose conditions (`Supervisor.step`) any holds."""
+"""By state: the first one follows of whose conditions (`FirmwareSupervisor.step`) any holds."""
 STANDING_G: Final = 1.0, 0.0
 FLIES: Final = ("ready", "flying", "level", "landed")
 
 
-class Supervisor:
+class FirmwareSupervisor:
     """The state machine; its inputs are attributes.
 
     `arms_itself`: as brushed vehicles do. `armed`, `crashed`: as requested, or as the newest state left them.
