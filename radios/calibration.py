@@ -154,7 +154,10 @@ class ArmingChannel(SwitchChannel):
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Channels of u: pitch, roll, thrust, yaw; raises `CalibrationError` for two inputs on one channel."""
+    """All channels of one vehicle; inputs are ordered u = (u_x pitch, u_y roll, u_z thrust, u_psi yaw).
+
+    Raises `CalibrationError` for two inputs on one channel.
+    """
 
     pitch: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(ELEVATOR))
     """Channel of u_x."""
