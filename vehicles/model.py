@@ -125,27 +125,6 @@ def damping_range(ratio: float, factor: float = DAMPING_FACTOR) -> Two:
     return ratio / factor, ratio * factor
 
 
-@dataclass(frozen=True)
-class Unexplained:
-    """What the poses of a flight show beyond a model of the horizontal motion, as white noise and wind."""
-
-    position_m: float
-    """Standard deviation of measured positions."""
-    tilt: float
-    """Standard deviation of measured tilts [rad]."""
-    velocity_density: float
-    """Random-walk density of the velocity [m/s per root second]: gusts shorter than the wind."""
-    tilt_density: float
-    """Random-walk density of the tilt rate [rad/s per root second]."""
-    wind_m_s2: float
-    """Standard deviation of the wind's acceleration."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if not 0.0 < (value := getattr(self, field.name)) < math.inf:
-                raise ValueError(f"{field.name}: must be above 0, got {value}")
-
-
 class MotionModel(NamedTuple):
     """Parameters of the equations of motion (1) for kernels; vectors are body x, y, z, yaw, shape (4,)."""
 
@@ -208,15 +187,12 @@ class Model:
     identification keeps their gains."""
     uncertainty: Uncertainty = UNIDENTIFIED
     """How far the true vehicle may be from these numbers."""
-    unexplained: Unexplained | None = None
-    """What flights of the vehicle show beyond these numbers; None if only the uncertainty is known."""
     tilt_measured: bool = True
     """Whether its filter uses roll and pitch of poses: the setting `measured_tilt` of estimators."""
 
     def for_positions_only(self) -> "Model":
         """Return the same model where poses give no tilt."""
-        uncertainty = self.uncertainty.for_positions_only()
-        return replace(self, tilt_measured=False, uncertainty=uncertainty, unexplained=None)
+        return replace(self, tilt_measured=False, uncertainty=self.uncertainty.for_positions_only())
 
     def within(self, low_m: Three, high_m: Three) -> "Model":
         """Return the same model with other bounds of the position."""
@@ -328,7 +304,6 @@ FITTED: Final = (
     "thrust_coupling",
     "tilt",
     "uncertainty",
-    "unexplained",
 )
 """Parameters that an identification finds."""
 

@@ -6,12 +6,11 @@ with a tilt model of which only the type is known has much process noise in rate
 filter follows the measurements.
 """
 
-import math
 from typing import Annotated, Final, NamedTuple
 
 import msgspec
 
-from rcopterx.vehicles.model import Model, Unexplained
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -64,9 +63,6 @@ LOST_THRUST: Final = (
 )
 
 
-CALM_DENSITY: Final = 0.01  # velocity density of calm air [m/s per root second]
-
-
 class Noise(NamedTuple):
     """Settings of `ExtendedKalmanSettings` that depend on the model where they are left out."""
 
@@ -98,19 +94,5 @@ def noise_of(model: Model, settings: ExtendedKalmanSettings) -> Noise:
             tilt_density=graded(2.1, 10.0),
             wind_rms_m_s2=graded(0.5, 1.5) if settings.measured_tilt else graded(0.25, 1.5),
         )
-    if model.unexplained is not None and settings.measured_tilt:
-        noise = _with_gusts(noise, model.unexplained)
     given = {name: value for name in Noise._fields if (value := getattr(settings, name)) is not None}
     return noise._replace(**given)
-
-
-def _with_gusts(noise: Noise, found: Unexplained) -> Noise:
-    """Noise of a vehicle whose flights show short gusts, which are no wind to be compensated.
-
-    The more gusts, the more the wind is that of the flights: all of it at ten times `CALM_DENSITY`.
-    """
-    gusts = max(found.velocity_density, CALM_DENSITY)
-    share = min(math.log10(gusts / CALM_DENSITY), 1.0)
-    wind_m_s2 = noise.wind_rms_m_s2 ** (1.0 - share) * found.wind_m_s2**share
-    velocity_noise = (gusts, gusts, *noise.velocity_noise[2:])
-    return noise._replace(velocity_noise=velocity_noise, wind_rms_m_s2=wind_m_s2)

@@ -94,7 +94,8 @@ TONES_HZ: Final = _all_tones()  # frequencies on pitch, roll, thrust and yaw of 
 def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb: int = 0) -> Excitation:
     """Return the excitation that moves this model by centimetres, times `strength`."""
     gain = model.b / (1.0, 1.0, 1.0, max(-model.damping[U_YAW], 1.0))
-    return Excitation(four(np.minimum(strength * (FULL / gain), 0.25 * model.stick_room)), duration_s, comb)
+    amplitude = np.minimum(strength * (FULL / gain), 0.25 * model.stick_room)
+    return Excitation(four(amplitude), duration_s, comb)
 
 
 LONGEST_BLIND_S: Final = 0.1  # the excitation ends without poses for longer than this

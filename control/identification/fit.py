@@ -16,8 +16,14 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from rcopterx.control.identification.likelihood import likeliest
-from rcopterx.control.identification.motions import SETTLE_S, Candidate, Motion, heading, horizontal, vertical
+from rcopterx.control.identification.motions import (
+    SETTLE_S,
+    Candidate,
+    Motion,
+    heading,
+    horizontal,
+    vertical,
+)
 from rcopterx.control.identification.parameters import (
     DAMPING,
     FREQUENCY,
@@ -39,7 +45,13 @@ from rcopterx.control.identification.result import (
     FittedPart,
     Identification,
 )
-from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty, damping_range
+from rcopterx.vehicles.model import (
+    DAMPING_FACTOR,
+    IDENTIFIED,
+    Model,
+    Uncertainty,
+    damping_range,
+)
 from rcopterx.vehicles.state import U_THRUST, Array, three
 from rcopterx.vehicles.tuples import Two
 
@@ -53,17 +65,15 @@ _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior 
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
-_ROUNDS: Final = 3
-_TRUST: Final = 0.25  # share of the tilt density that the next round supposes: part is the last one's misfit
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
 _GAINS: Final = ((PITCH_GAIN.name, ROLL_GAIN.name), (THRUST_GAIN.name,), (YAW_RATE_GAIN.name,))
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
-# Largest relative deviations of a usable excitation: three of a gain are the uncertainty of a type.
+# Largest relative deviations of a usable excitation: it shows more than was known before.
 _CERTAIN: Final = {
-    parameter.name: 0.6 * parameter.spread
+    parameter.name: 0.5 * parameter.spread
     for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY, YAW_RATE_GAIN)
 }
 
@@ -90,12 +100,15 @@ def identify(
     with_tilt = all(flight.tilt is not None for flight in flights)
     judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
     candidate, parts = Candidate(known), []
-    fits = (
-        _horizontal_fit(candidate, with_tilt, logged),
-        _Fit(vertical_parameters(logged), vertical, logged),
-        _Fit(heading_parameters(model), heading, far=True),
-    )
-    for name, fit in zip(PARTS, fits, strict=True):
+    for name, fit in zip(
+        PARTS,
+        (
+            _horizontal_fit(candidate, with_tilt, logged),
+            _Fit(vertical_parameters(logged), vertical, logged),
+            _Fit(heading_parameters(model), heading, far=True),
+        ),
+        strict=True,
+    ):
         found = fit.run(candidate, fitted)
         part = _judged(name, found, Candidate(known), model, judged)
         parts.append(_within(part, model) if ordinary else part)
@@ -117,8 +130,9 @@ def _judged(name: str, found: "_Found", start: Candidate, model: Model, flights:
         for at_bound in bounds
         if at_bound in _ESSENTIAL
     ]
+    doubtful = [at_bound for at_bound in bounds if at_bound not in _ESSENTIAL]
     problems = (*_too_little(numbers), *_worse(name, before, after), *essential)
-    remarks = tuple(_doubtful(at_bound, name) for at_bound in bounds if at_bound not in _ESSENTIAL)
+    remarks = tuple(_doubtful(at_bound, name) for at_bound in doubtful)
     return FittedPart(name, tuple(numbers), before, after, problems, remarks)
 
 
@@ -163,8 +177,14 @@ def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
     plane = horizontal(candidate, recording).errors_ahead(periods)
-    others = [motion(candidate, recording).errors_ahead(periods).real for motion in (vertical, heading)]
-    errors = np.column_stack((plane.real, plane.imag, *others))
+    errors = np.column_stack(
+        (
+            plane.real,
+            plane.imag,
+            vertical(candidate, recording).errors_ahead(periods).real,
+            heading(candidate, recording).errors_ahead(periods).real,
+        )
+    )
     return np.vstack((np.full((periods, 4), np.nan), measured - errors))
 
 
@@ -211,12 +231,8 @@ class _Fit:
             scales = self._scales(start, flights)
             costs = [np.sum(self._all(start, flights, scales, at) ** 2) for at in self.begin_at]
             position = self.begin_at[int(np.argmin(costs))]
-        for _ in range(_ROUNDS):
-            # Noise and weights follow from the errors of the best model so far.
-            if self.motion is horizontal and not self.far and start.model.tilt is not None:
-                shown = likeliest(self._at(start, position), flights)
-                trusting = replace(shown, tilt_density=_TRUST * shown.tilt_density)
-                start = replace(start, model=replace(start.model, unexplained=trusting))
+        for _ in range(2):
+            # Weights follow from the errors of the best model so far.
             scales = self._scales(self._at(start, position), flights)
             solved: OptimizeResult = least_squares(
                 partial(self._all, start, flights, scales),
@@ -227,7 +243,8 @@ class _Fit:
                 max_nfev=_EVALUATIONS,
             )
             position = solved.x
-        deviation = np.sqrt(np.diag(np.linalg.inv(solved.jac.T @ solved.jac)))
+        covariance = np.linalg.inv(solved.jac.T @ solved.jac)
+        deviation = np.sqrt(np.diag(covariance))
         return _Found(self._at(start, position), self.motion, self.parameters, position, deviation)
 
     def _at(self, start: Candidate, position: Array) -> Candidate:

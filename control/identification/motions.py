@@ -5,7 +5,7 @@ A stationary Kalman predictor covers a whole flight at once. The horizontal moti
 Height and heading are real systems.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.models.lags import behind_lag
 from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
 from rcopterx.control.models.linear import Complex, as_complex, steady_filter, zero_order_hold
-from rcopterx.vehicles.model import Model, Unexplained
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
 
 
@@ -37,7 +37,6 @@ EVERY_ROW: Final = slice(None)
 SETTLE_S: Final = 2.0  # errors count from here on: predictors start without knowledge of the wind
 _FAR_AHEAD_S: Final = (0.2, 1.0)
 _FAR_EVERY_S: Final = 0.3
-_FREEDOM: Final = 8.0  # degrees of freedom of Student's distribution
 
 
 class Motion:
@@ -55,8 +54,7 @@ class Motion:
         self._older = rest @ zero_order_hold(system.a, system.b, late_s)[1]
         process = period_s * np.diag(system.process_variance).astype(complex)
         noise = np.diag(system.measurement_variance).astype(complex)
-        predicted, self._gain = steady_filter(self._a, system.c, process, noise)
-        self._expected: Complex = system.c @ predicted @ system.c.conj().T + noise
+        _, self._gain = steady_filter(self._a, system.c, process, noise)
 
     def _states(self) -> Complex:
         """States predicted one period ahead, shape (K, n)."""
@@ -74,14 +72,6 @@ class Motion:
     def innovations(self) -> Complex:
         """Return the one-period prediction errors, shape (K, m)."""
         return self._measured - self._states() @ self._c.T
-
-    def improbability(self) -> float:
-        """Return the negative log likelihood of innovations, bivariate and Student, up to a constant."""
-        found = self.innovations()[self.settled :]
-        squares = np.einsum("ki,ij,kj->k", found.conj(), np.linalg.inv(self._expected), found).real
-        spread = len(found) * float(np.linalg.slogdet(self._expected)[1])
-        exponent = 0.5 * _FREEDOM + found.shape[1]
-        return float(spread + exponent * np.log1p(squares / _FREEDOM).sum())
 
     def ahead(self, periods: int, rows: slice = EVERY_ROW) -> Complex:
         """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
@@ -121,12 +111,15 @@ class Motion:
 
 POSITION_NOISE_M: Final = 0.0005
 YAW_NOISE_RAD: Final = 0.003
+TILT_NOISE: Final = 0.003
 _VELOCITY_DENSITY: Final = 0.01
-USUAL: Final = Unexplained(POSITION_NOISE_M, 0.003, _VELOCITY_DENSITY, 0.1, 0.15)
-"""Expected before a flight shows it. More tilt density would bias frequency and servo lag upwards."""
+_RATE_DENSITY: Final = 0.1
+"""Errors of the tilt model as a random walk of the tilt rate. A larger value biases frequency and servo lag
+upwards, because the fit then trusts single noisy tilts."""
 _FLAPPING_RATE_DENSITY: Final = 0.35  # the same with flapping, which else explains waits for radio frames
 _SERVO_DENSITY: Final = 0.01
 _ACTUATOR_DENSITY: Final = 0.001
+WIND_M_S2: Final = 0.15
 VERTICAL_WIND_M_S2: Final = 0.1
 YAW_WIND_RAD_S2: Final = 0.5
 _VERTICAL_DRIFT: Final = 0.03
@@ -167,14 +160,6 @@ def horizontal(candidate: Candidate, recording: FlightRecording) -> Motion:
         )
     system = _horizontal_system(model, recording.period_s, with_tilt=len(measured) > 1)
     return Motion(system, recording.period_s, model.delay_s, demand, np.column_stack(measured))
-
-
-def unexplained(model: Model) -> Unexplained:
-    """Return what is expected beyond a model: what its own flights showed, or what is usual."""
-    if model.unexplained is not None:
-        return model.unexplained
-    flaps = model.tilt is not None and model.tilt.flapping_rad_s_m > 0.0
-    return replace(USUAL, tilt_density=_FLAPPING_RATE_DENSITY) if flaps else USUAL
 
 
 def vertical(candidate: Candidate, recording: FlightRecording) -> Motion:
@@ -228,14 +213,11 @@ def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> Linear
         servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
     c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
     density = np.zeros(len(b))
-    expected = unexplained(model)
-    density[1], density[servo], density[rate] = (
-        expected.velocity_density,
-        _SERVO_DENSITY,
-        expected.tilt_density,
-    )
-    density[wind] = expected.wind_m_s2 * np.sqrt(2.0 / WIND_CORRELATION_S)
-    noise = np.array([expected.position_m, expected.tilt])[: len(c)]
+    flaps = model.tilt is not None and model.tilt.flapping_rad_s_m > 0.0
+    density[1], density[servo] = _VELOCITY_DENSITY, _SERVO_DENSITY
+    density[rate] = _FLAPPING_RATE_DENSITY if flaps else _RATE_DENSITY
+    density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
+    noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
     return LinearSystem(a, b, c, density**2, noise**2)
 
 

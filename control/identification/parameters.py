@@ -124,7 +124,7 @@ _TILT: Final = (
     _number("servo lag", "model.tilt.servo_lag_s", "s", 0.4),
     _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
     _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),
-    _number("upper share", "model.tilt.upper_share", "", 0.2),
+    _number("upper share", "model.tilt.upper_share", "", 0.15),
     _number("direct lift", "model.tilt.direct_m", "m", 0.35),
 )
 _PLAIN_TILT: Final = _TILT[:3]

@@ -30,7 +30,7 @@ from rcopterx.radios.limits import (
 from rcopterx.radios.registry import settings_class
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.lift_off import LiftOffLimits
-from rcopterx.vehicles.model import Model, Uncertainty, Unexplained
+from rcopterx.vehicles.model import Model, Uncertainty
 from rcopterx.vehicles.tilt import TiltModel
 
 
@@ -112,7 +112,6 @@ SECTIONS: Final = (
     Section(MODEL, Model, IDENTIFIED, own_default="of the type"),
     Section(f"{MODEL}.tilt", TiltModel, own_default="of the type"),
     Section(f"{MODEL}.uncertainty", Uncertainty, own_default="of the type"),
-    Section(f"{MODEL}.unexplained", Unexplained, own_default="of the type"),
 )
 """All tables of the fleet file, in the order of the page."""
 

@@ -305,4 +305,3 @@ def test_nothing_changes_where_every_part_is_refused(flight: FlightRecording) ->
     found = identify(flight, another, ordinary=True)
     assert found.accepted == ()
     assert found.model == another
-    assert found.model.unexplained is None
