@@ -81,7 +81,10 @@ class Cooperation:
         self._estimate = self._reference = None
 
     def exchange(self, received: Mapping[str, Unpacked], ahead_s: float = 0.0) -> Sent | None:
-        """Exchange messages after the present frame; return what to send, if any; too large is a failure."""
+        """Exchange messages some time after the present frame; return what to send, None for nothing.
+
+        A message that is too large is a failure of the scheme.
+        """
         scheme, estimate, reference = self.scheme, self._estimate, self._reference
         if scheme is None or estimate is None or reference is None:
             return None

@@ -1,4 +1,7 @@
-"""State estimation of one vehicle; if a plug-in fails, the default continues from its last good estimate."""
+"""State estimation of one vehicle: poses and the inputs that act in between, to the present estimate.
+
+An estimator may be a plug-in. Once it fails, the default one continues from the last good estimate.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -152,7 +155,10 @@ class StampedMeasurement(Struct, frozen=True):
 
 
 class StateEstimation:
-    """Predicts, except a `standing` vehicle: the model knows no floor; restarts after long gaps."""
+    """Predicts under the inputs of the history, corrects by poses, and starts again after long gaps.
+
+    A `standing` vehicle is not predicted: the model knows no floor, so the prediction would fall.
+    """
 
     def __init__(
         self, clock: FleetClock, estimator: EstimatorGuard, inputs: InputHistory, events: Counter[str]

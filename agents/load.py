@@ -113,7 +113,10 @@ REST_SPARE = 0.5  # frames before the next control period at which a resting age
 
 
 class Pacing:
-    """Decides when a period begins and a pose is overdue; at half rate even and odd places alternate."""
+    """Decides when a control period begins and when a pose counts as overdue.
+
+    At half rate vehicles at even and odd places of the fleet alternate.
+    """
 
     def __init__(self, period_s: float, place: int = 0) -> None:
         self.ticks = 0

@@ -25,7 +25,10 @@ _EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
 @dataclass
 class LoadRelief:
-    """Reduces work if commands are late, by events on the bus, so that a replay does the same."""
+    """Watches how late one agent's commands are, and reduces the work of its parts.
+
+    Decisions by measured times take effect by an event on the bus, so that a replay does the same.
+    """
 
     bus: StepBus
     period_s: float

@@ -1,6 +1,7 @@
 """Detection of links between routers that carry nothing in one direction or both.
 
-TCP notices a cut link late, and Zenoh may reopen one direction only: so routers send beats all the time.
+TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only. So routers send
+beats all the time, with the newest beats that they received.
 """
 
 import math
@@ -17,7 +18,10 @@ SAMPLES: Final = 125  # newest beats that are compared: those of ten seconds, in
 
 
 class ClockOffset(NamedTuple):
-    """Another host's clock minus this one's (NTP); wrong by up to half of `round_trip_s`: least is best."""
+    """Another host's clock minus this one's, by one exchange; the least, with the shortest way, is the best.
+
+    As in NTP (RFC 5905); `offset_s` is wrong by at most half of `round_trip_s`.
+    """
 
     round_trip_s: float
     offset_s: float
@@ -97,7 +101,10 @@ class LinkWatch:
         return Beat(router=self._router, sent_s=now_s, time_of_day_s=time_of_day_s, echoes=echoes)
 
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
-        """Return those of all open `links` to dial again; each vain attempt doubles the time for beats."""
+        """Return the links of `links`, all that are open now, to be closed and dialled again.
+
+        New links have a time for their first beats, twice that after each attempt in vain.
+        """
         asleep = now_s - self._judged_s > self.slowness * STALL_S
         self._judged_s = now_s
         opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}

@@ -173,7 +173,10 @@ class Session:
                 self.begin()
 
     def begin(self, start_limit_s: float | None = None) -> None:
-        """Take the first turn in lockstep; with a real-time limit once all are there, or `TimeoutError`."""
+        """Take the first turn in lockstep; with a limit once all other processes are there.
+
+        Raises `TimeoutError`: some are missing after this real time; the session takes no turns then.
+        """
         if self.participant is None:
             return
         try:
@@ -334,9 +337,11 @@ class Session:
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Send a request to a unit and wait for the reply; the type of the request determines the verb.
 
-        `timeout_s`: for the reply, in time of the fleet. `patience_s`: for a process to serve it, at least in
-        real time: one that has just been replaced is not found for a moment. Raises `NotServedError`: none
-        serves it; `RequestFailedError`: no reply in time, rejected or malformed, or the session is closed.
+        `timeout_s`: for the reply of a process that serves the verb, in the time of the fleet. `patience_s`:
+        for a process to serve it, in the time of the fleet and at least in real time: one that has just been
+        replaced is not found for a moment. Raises `NotServedError`: no process serves it. Raises
+        `RequestFailedError`: no reply in time, rejected as malformed, the reply is malformed, or the session
+        is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)

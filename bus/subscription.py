@@ -46,9 +46,10 @@ class Rejections:
 
 
 class Inbox(Generic[M]):
-    """Messages of one channel of one unit; `reason` says why the last message was rejected.
+    """Messages of one channel of one unit; independent of the bus.
 
-    `unread` keeps `depth` undecoded payloads with their arrival times; older ones are counted as `overrun`.
+    It keeps `depth` undecoded payloads with the times of their arrival in `unread`; older ones are dropped
+    and counted as `overrun`. `reason` says why the last message was rejected.
     """
 
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:

@@ -44,7 +44,10 @@ def _pose(offset: FormationOffset) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class FollowedLeader:
-    """A leader; the offset moves from `start` to `target`, in its frame, by a quintic from rest to rest."""
+    """One leader, and the offset to it, which may move smoothly from `start` to `target`.
+
+    Its path is a quintic, from rest to rest, in the frame of the target.
+    """
 
     leader: str
     target: FormationOffset

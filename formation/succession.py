@@ -54,7 +54,10 @@ class Succession:
 
 
 def following_mode(finding: Finding, policy: str, vehicle: str, successor: str | None) -> FollowingMode:
-    """Return what a vehicle does by the present only; `successor` replaces the lost leader, if any."""
+    """Return what a vehicle does; only the present decides: a leader that returns is followed again.
+
+    `successor` is the vehicle that replaces the lost leader, if any.
+    """
     match finding, policy:
         case Finding.HERE, _:
             return FollowingMode.FOLLOW

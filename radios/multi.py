@@ -178,7 +178,10 @@ class MultiSettings:
 
 
 class MultiProtocol(OneWayRadio):
-    """Driver without autobind and channel mapping; ready after a time if no wire brings its answers."""
+    """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off.
+
+    Without a wire for its answers it counts as ready after a time.
+    """
 
     name: ClassVar[str] = "multi"
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check", "kill", "low_power"})
@@ -256,7 +259,8 @@ class MultiProtocol(OneWayRadio):
     def receive(self, data: bytes, now_s: float) -> None:
         """Parse answers and keep the newest status.
 
-        Two reports per second: frames missed in a pause of this gateway, or just after, mean nothing.
+        The module reports twice a second. That it receives no frames means nothing in a pause of this
+        gateway, and shortly after one.
         """
         for status in self._parser.feed(data):
             has_frames = self._frames_since_s + FIRST_FRAME_S <= now_s <= self._last_frame_s + LONGEST_GAP_S

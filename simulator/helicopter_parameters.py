@@ -32,7 +32,10 @@ class Rotors(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class HelicopterParameters:
-    """Parameters of one helicopter; SI units, sticks as fractions. `ValueError` names one out of range."""
+    """Parameters of one helicopter; SI units, sticks as fractions of full stick.
+
+    Raises `ValueError` for a number that is not finite or out of its range; the message begins with its name.
+    """
 
     size: float  # time scale against the CoaX; the other numbers are those of this size
     mass_kg: float

@@ -29,7 +29,10 @@ WALL_SHARE: Final = 0.05
 
 
 def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> Wake:
-    """Wake of a vehicle at a place below it, else none; `strength_m_s2`: downward acceleration close by."""
+    """Wake of a vehicle in flight at a place relative to it; none at its height and above.
+
+    `strength_m_s2` is the downward acceleration close below it.
+    """
     if below_m <= 0.0:
         return STILL
     width_m = WIDTH_M + SPREAD * below_m
@@ -39,7 +42,10 @@ def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> 
 
 
 def ceiling_lift(distance_m: float) -> float:
-    """Fraction of thrust that a ceiling within `CEILING_FAR` adds: momentum theory at constant power."""
+    """Thrust that the ceiling adds, as a fraction: momentum theory at constant power.
+
+    It is zero from `CEILING_FAR` on and above the ceiling.
+    """
     if distance_m < 0.0:
         return 0.0
 
@@ -74,7 +80,8 @@ def wake_in_room(position_m: Three, low_m: Three, high_m: Three) -> Wake:
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: BodyPose) -> Plant:
     """Plant of a vehicle at time 0: equation (1), or what the conditions require for its airframe.
 
-    Raises `ValueError`: the start pose is not finite or below the floor, the plant is not installed.
+    Raises `ValueError` for a start pose that is not finite or below the floor, and for a plant that is not
+    installed.
     """
     if model.airframe == "coaxial" and conditions.coaxial_plant != FIRST_ORDER:
         return Helicopter(name, model, conditions, seed, start, helicopter_of(name, conditions, seed))

@@ -70,7 +70,8 @@ class PlantFaults:
 
 
 class Plant(ABC):
-    """A vehicle that flies: delay of sticks, weather, battery, floor, flight volume; subclasses add dynamics.
+    """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume; subclasses add
+    dynamics.
 
     Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
     before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
@@ -106,7 +107,8 @@ class Plant(ABC):
     def place(self, pose: BodyPose) -> None:
         """Put the vehicle somewhere at rest, as by hand: battery, weather and time continue.
 
-        Position and yaw count; it hovers or stands on the floor. `ValueError`: not finite or below the floor.
+        Position and yaw count. On the floor the motors stop, above it the vehicle hovers. Raises `ValueError`
+        if the pose is not finite or below the floor.
         """
         x, y, z = pose.position_m
         if not all(map(math.isfinite, (x, y, z, pose.yaw_rad))) or z < 0:
@@ -160,9 +162,11 @@ class Plant(ABC):
         return 1.0 - self._conditions.battery_sag * used
 
     def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; the transport delay follows.
+        """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; they act after the transport
+        delay.
 
-        Motors run; calls act in order. `ValueError` unless four finite numbers and a finite time from 0 on.
+        Motors run. Commands act in the order of the calls. Raises `ValueError` if these are not four finite
+        numbers, or the time is negative or not finite.
         """
         sticks = four(inputs)
         if not all(map(math.isfinite, sticks)):

@@ -26,7 +26,10 @@ _F = TypeVar("_F", bound=LastingFault)
 
 
 class TrackerFaults:
-    """Active faults and their effect on captured frames; those that need types not in `offer` are refused."""
+    """Active faults and their effect on a captured frame; the server carries out those of connections.
+
+    `offer` are the object types of the Tracker; faults that need others are refused.
+    """
 
     def __init__(self, offer: frozenset[int]) -> None:
         # lines of a time table that could not be carried out when their time came, the newest last

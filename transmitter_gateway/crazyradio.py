@@ -24,7 +24,10 @@ TIMED: Final = 200  # newest packets whose duration is averaged
 
 
 class Crazyradio:
-    """A dongle and its vehicles' ports; `problem`: why it is not open; `at_once`: without a thread."""
+    """A dongle, opened by `find`, and the ports of its vehicles; `problem` is why it is not open.
+
+    With `at_once` there is no thread: packets are exchanged while a port hands them over.
+    """
 
     def __init__(
         self,

@@ -197,7 +197,10 @@ class StickEffect:
 
     @property
     def share(self) -> float:
-        """Effect over nominal, 0 at first: least squares of k in dv = k a dt."""
+        """Effect over the nominal one; 0 before the first command.
+
+        The least-squares estimate of k in dv = k a dt: the integral of a dv over that of a^2 dt.
+        """
         return self.work / self._effort if self._effort > 0.0 else 0.0
 
     def turn_round(self) -> bool:

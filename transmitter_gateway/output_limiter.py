@@ -126,7 +126,10 @@ BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen
 
 
 class OutputLimiter:
-    """Inputs of one vehicle from step to step; `u` now; `hover` learns its thrust, `law` lands it."""
+    """Inputs of one vehicle from step to step; `u` are those applied now.
+
+    `hover` learns the thrust of a hover, `law` holds and lands the vehicle.
+    """
 
     def __init__(
         self, limits: ArbiterLimits, u_hover: float, slew_per_s: Input, counters: Counter[str]

@@ -31,7 +31,10 @@ class Write(Struct, frozen=True):
 
 
 class Port(ABC):
-    """A port that `service` reopens; never blocks; outcomes are counted. `problem`: why not open."""
+    """A port that `service` opens and reopens, written frame by frame; it never blocks.
+
+    `problem` is why it is not open; outcomes of writes, openings and losses are counted by name.
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path

@@ -66,7 +66,10 @@ class PoseMonitor:
         self.epoch_since_s = -math.inf  # since when the own poses have their epoch
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool, share: float | None = None) -> bool:
-        """Process a pose; return whether accepted, as any is on the floor; `share` of hover thrust acts."""
+        """Process a pose of the own vehicle; return whether it is accepted, as any is on the floor.
+
+        `share`: thrust that acts, as a share of the hover thrust, which an airborne vehicle has to answer.
+        """
         track = self.own_track
         rejection = self._check(pose, track, now_s)
         if rejection is not None:
@@ -170,7 +173,10 @@ class PoseMonitor:
         return math.dist((x, y, z), position) > reach
 
     def _note_jump(self, waited_s: float) -> None:
-        """Poses that stay elsewhere are of an unknown body; those after a silence do not count."""
+        """Poses that stay somewhere else belong to another body, and which one was ours is not known.
+
+        A silence, as of a computer that has too much to do, does not count.
+        """
         before_s = self._jumping_s
         self._jumping_s = 0.0 if before_s is None else before_s + min(waited_s, LONGEST_EXTRAPOLATION_S)
         if self._jumping_s >= self._limits.jump_descend_s:

@@ -152,7 +152,10 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Session:
-    """Join the bus while the radios are served; after an error bring vehicles down without poses."""
+    """Join the bus; the radios are served meanwhile, because a router may be late or missing.
+
+    After an error the vehicles are brought down, without poses.
+    """
     pool = ThreadPoolExecutor()
     try:
         radios.serve()

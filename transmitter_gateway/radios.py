@@ -51,7 +51,10 @@ COMMANDED_TURN_S = 0.02  # the same while commands fly all vehicles: each is jud
 
 
 class Radios:
-    """Transmitters, continued from earlier output; kill keys and SIGUSR1 in `caught` kill all."""
+    """The transmitters by vehicle; each continues from what an earlier process wrote last.
+
+    A kill key, or SIGUSR1 in the `caught` signals, kills all vehicles; it is removed then.
+    """
 
     def __init__(
         self,

@@ -10,7 +10,10 @@ OTHER_UNIT = 10.0  # beyond so many times the size of the volume, a position is 
 
 
 class Standing:
-    """Judges poses on the floor; `restart` in flight; `other_places` are those seen at a time."""
+    """Judges the poses of one vehicle while it stands on the floor; `restart` whenever it flies.
+
+    `other_places` returns the places of the other vehicles that are seen at a time.
+    """
 
     def __init__(
         self, vehicle: str, limits: ArbiterLimits, other_places: Callable[[float], Mapping[str, Position]]

@@ -1,4 +1,7 @@
-"""The arbiter's transition table: conditions x state -> state, first row that fits (docs/safety.md)."""
+"""The transition table of the arbiter: conditions x state -> state (docs/safety.md).
+
+Of all rows that fit, the first one counts.
+"""
 
 from collections.abc import Set
 from dataclasses import dataclass

@@ -53,7 +53,10 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True)
 class BrandSettings:
-    """System with capture rate and latency; `ValueError`: unknown brand or option, or out of range."""
+    """A motion capture that the library reads, with what it does not report: capture rate and latency.
+
+    Raises `ValueError` for an unknown brand or option, or a rate or latency out of range.
+    """
 
     brand: str
     options: Mapping[str, str]

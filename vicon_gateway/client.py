@@ -65,7 +65,10 @@ class _LinkError(Exception):
 
 
 class FrameClient(ABC):
-    """A source that reconnects, on a clock of `speed`; never raises: `state` says what is wrong."""
+    """A source of frames that connects and reconnects by itself, in times of a clock of `speed`.
+
+    `next_frame` never raises for trouble with the source; `state` describes it.
+    """
 
     def __init__(self, clock: Callable[[], float], limits: ClientLimits, speed: float = 1.0) -> None:
         self._clock, self._speed = clock, speed

@@ -1,4 +1,7 @@
-"""DataStream client as a pure state machine without socket and clock (Vicon DataStream SDK)."""
+"""The client's side of a DataStream connection as a pure state machine (Vicon DataStream SDK).
+
+Bytes and the time of their arrival go in, frames and bytes to send come out. No socket, no clock.
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -137,7 +140,10 @@ class DataStreamSession:
         return data
 
     def feed(self, data: bytes, now_s: float) -> None:
-        """Process bytes for `take_frame`; a `WireError` ends the session: the carry-over would break."""
+        """Process received bytes; frames wait for `take_frame`.
+
+        A `WireError` ends the session: a packet left out would break the carry-over of the following ones.
+        """
         self._reader.feed(data)
         while (body := self._next_body()) is not None:
             self._accept(body, now_s)

@@ -33,7 +33,10 @@ SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
 
 class SubjectMap:
-    """Subjects by name; `far` counts poses in no room, which become occluded: readers reject them."""
+    """Assigns poses to vehicles by exact subject names, and keeps account of all subjects.
+
+    `far` counts poses in no room: they are passed on as occluded, since no reader accepts such a position.
+    """
 
     def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
         self._vehicles = dict(vehicle_of_subject)

@@ -50,7 +50,10 @@ RESTORED_PATIENCE_S = 0.3  # after a restart, transitions of offsets go on for s
 
 
 class Guidance:
-    """Phase and task; a follower copies `deviation_share` of its leaders' deviations from references."""
+    """Phase and task of one vehicle.
+
+    A follower copies `deviation_share` of its leaders' deviations from their nominal references.
+    """
 
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.task = Task(followed=tuple(links), assigned=tuple(links))
@@ -180,7 +183,10 @@ class Guidance:
     def go_to(
         self, position_m: Array, yaw_rad: float, time_s: float = 0.0, limits: ProfileLimits | None = None
     ) -> str | None:
-        """Fly to an inertial set point, smoothly within `limits`, else at once; return a refusal."""
+        """Fly to a set point, inertial frame; a refusal is returned as its reason.
+
+        The reference goes there smoothly, within limits that followers impose; without them it steps.
+        """
         problem = self.flight_problem()
         if problem is not None:
             return problem

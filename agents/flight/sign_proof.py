@@ -178,7 +178,10 @@ class SignProof:
             self._thrusts.append(float(self._turning[1].actuator[U_THRUST]))
 
     def judge(self, time_s: float) -> VehicleFault | None:
-        """Return what is certainly wrong; free sticks that are right; without certainty pulse again."""
+        """Return what is certainly wrong; a stick that is certainly right is left to the controller.
+
+        A round of pulses that shows neither is followed by another one.
+        """
         elapsed_s, fault = time_s - self._begun_s, None
         if U_PITCH in self._open and elapsed_s > EARLY_S:
             fault = self._judge_lateral(elapsed_s)
@@ -235,7 +238,10 @@ class SignProof:
 
 
 def _reading(seen: "_Regression", shown: bool) -> int | None:
-    """Number of the reading that is certain; `shown`: all pulses have been answered."""
+    """Number of the reading that pitch and roll have shown, None without certainty.
+
+    `shown`: all pulses have been answered.
+    """
     found = seen.fitted()
     if found is None:
         return None

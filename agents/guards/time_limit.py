@@ -1,4 +1,7 @@
-"""Time limits of plug-ins: asked for by solvers that can stop early, all others are interrupted."""
+"""Calls of controllers and estimators, which may be plug-ins: they may fail or take too long.
+
+Solvers that can stop early ask for the time limit of their call, all others are interrupted.
+"""
 
 import math
 import signal

@@ -124,7 +124,10 @@ class Participant:
         return self.stamp(f"reply {STAMP.unpack(request)[2]}") if len(request) == STAMP.size else None
 
     def receive(self, key: str, *, waking: bool = True) -> "LockstepInbox":
-        """Wait for what is sent on a key (`*`: any unit); only a `waking` one gives this process a turn."""
+        """Wait from now on for what is sent on a key, in which `*` is any unit.
+
+        What is sent on a `waking` one gives this process a turn; the rest counts in its next one.
+        """
         inbox = LockstepInbox(self, next(self._numbers), key, waking=waking)
         self._new_inboxes.append(inbox)
         return inbox

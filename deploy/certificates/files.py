@@ -61,7 +61,8 @@ def credentials(directory: Path, name: str) -> Credentials:
 def own_name(fleet: FleetFile, host: str) -> str | None:
     """Return the name of the certificate that this computer shows to the router of a host, if it has one.
 
-    `RCOPTERX_CERTIFICATE` names it (or `FleetError`); else it is that of the host, or the first readable.
+    `RCOPTERX_CERTIFICATE` names it (or `FleetError`); else it is that of the host, or the first readable of
+    operators, watchers and other hosts.
     """
     if (directory := directory_of(fleet)) is None:
         return None

@@ -1,7 +1,8 @@
 """Estimates how many vehicles a computer can fly, while its fleet waits for take-off.
 
-A standing vehicle costs as much processor time as a flying one, except for its control periods, which are
-timed in another process (`control_time`). At a lower control rate a computer flies more.
+A standing vehicle costs as much processor time as a flying one, except for its control periods. The processor
+time of a standing fleet is read from the kernel, and control periods are timed in another process
+(`control_time`). At a lower control rate a computer flies more.
 """
 
 import os
@@ -33,8 +34,11 @@ def vehicles_flown(
 ) -> tuple[int, ...]:
     """Estimate how many vehicles a computer flies without missing control periods.
 
-    The numbers are those with every period computed, with one of two, and so on. `standing_share`: of one
-    processor, by all processes, for each standing vehicle. `control_s`: processor time of a control period.
+    The numbers are those with every control period computed, with one of two, and so on; the last one is the
+    most that the computer flies at all.
+
+    `standing_share`: share of one processor that all processes together use for each standing vehicle.
+    `control_s`: processor time of a control period.
     """
     shares = [standing_share + control_s / (every * period_s) for every in range(1, max(Relief).every + 1)]
     at_most = max(USABLE_AT_MOST * processors / shares[-1], SURE * processors)
@@ -147,7 +151,10 @@ class CapacityMeasurement:
 
 
 class HostCapacity:
-    """How many vehicles a host flies, measured again while that may be too few; never if `begin` is None."""
+    """How many vehicles a host flies, measured again as long as that may be too few.
+
+    `begin` returns a new measurement; None where nothing has to be in time, or no agent runs from the start.
+    """
 
     def __init__(self, supervisor: Supervisor, begin: Callable[[], CapacityMeasurement] | None) -> None:
         self._supervisor, self._begin = supervisor, begin

@@ -1,7 +1,9 @@
-"""Finds vehicles that no agent commands any more, so that this host starts one; leases decide among hosts.
+"""Finds vehicles that no agent commands any more, so that this host starts one.
 
-In flight the commands behind the serial frames show it; on the floor the launcher of the agent must be silent
-as well: stopped agents are not replaced. Nothing is started without news from the transmitter gateway.
+In flight the commands behind the serial frames show whether an agent flies the vehicle, wherever it runs. On
+the floor the launcher that keeps the agent running must be silent as well, so that agents that were stopped
+are not replaced. Nothing is started without news from the transmitter gateway. If several hosts start an
+agent, leases decide.
 """
 
 import math

@@ -70,7 +70,11 @@ def home_of(fleet: FleetFile, host: str) -> list[str]:
 
 
 class Launcher(AbstractContextManager["Launcher"]):
-    """A host's processes under supervision, in a thread; raises `FleetError` before any is started."""
+    """A host's processes under supervision, in a thread of their own.
+
+    Raises `FleetError`: something in the file is wrong, an address is in use, no vehicle that takes part has
+    its device; no process of the fleet was started.
+    """
 
     def __init__(
         self,

@@ -18,7 +18,8 @@ from rcopterx.transmitter_gateway.adapters import BY_PLACE, with_same_serial_num
 def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
     """Check that addresses are free and that serial devices exist, except those of vehicles in `without`.
 
-    Returns a line for every vehicle that joins once its device is there. `FleetError` names the field.
+    A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
+    Returns a line for every such vehicle. Raises `FleetError`: names the field and the address or device.
     """
     check_router(fleet, host)
     if host == fleet.tracker.host:

@@ -34,7 +34,8 @@ def base_directories() -> list[Path]:
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
     """Return the directory of a fleet, created if missing, for its owner only: who reaches it can steer.
 
-    It is in the first usable place; `OSError`: there is none, or another user owns it; says how to choose.
+    It is in the first place that can be used. Raises `OSError`: there is none, or it belongs to another user;
+    says how to choose another place.
     """
     *others, last = base_directories()
     base = next(filter(_usable, others), last)

@@ -13,7 +13,10 @@ OWNER: Final = ".run"  # link from a directory of pages to its run directory; no
 
 
 def begin_states(vehicles: Iterable[str], directory: Path) -> None:
-    """Make pages of vehicles valid, remove those of ended fleets; `FleetError` names unusable ones."""
+    """Make the pages of vehicles valid before their gateways start; remove those of fleets that are gone.
+
+    A valid page of an earlier flight stays. Raises `FleetError`: a page cannot be used; names it.
+    """
     states = states_directory(directory)
     _remove_abandoned(states)
     for name in vehicles:

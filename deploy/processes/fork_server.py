@@ -1,7 +1,8 @@
-"""The fork server of a host: starts its processes by forking, faster than by importing libraries again.
+"""The fork server of a host: starts the host's processes by forking.
 
-It imports once, and forks on order; forked processes share what it has prepared. It forks twice and ends the
-process between, so that the supervisor, which adopts orphans, becomes the parent.
+Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait. The fork
+server imports once, and forks on order; forked processes share what it has prepared. It forks twice and ends
+the process between, so that the supervisor, which adopts orphans, becomes the parent.
 
 Orders and answers are JSON datagrams over a Unix socket. An order that starts a process comes with four
 descriptors: standard input, log, heartbeat page, and a pipe on which the forked process waits for permission.
@@ -46,7 +47,10 @@ class ForkAnswer(TypedDict, total=False):
 
 
 def main() -> None:
-    """Entry point: DESCRIPTOR PRIORITY MODULE,... [SNAPSHOT HOST VEHICLE...]; runs until the socket ends."""
+    """Entry point: DESCRIPTOR PRIORITY MODULE,MODULE,... [SNAPSHOT HOST VEHICLE...].
+
+    Imports the modules, prepares the pilots, and serves until the supervisor closes its end of the socket.
+    """
     descriptor, priority, modules, *pilots = sys.argv[1:]
     name_process("fork server")
     for module in filter(None, modules.split(",")):

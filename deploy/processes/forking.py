@@ -101,9 +101,10 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """Starts processes; itself one that imports `modules`, started when first needed and when it has ended.
+    """Starts processes; itself a process, started when first needed and when it has ended.
 
-    `priority` is its own, 0 for none. `speed` is that of the fleet's time, in which it has to answer.
+    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process.
+    `speed` is that of the time of the fleet, in which it has to answer.
     """
 
     def __init__(
@@ -155,8 +156,9 @@ class ForkServer:
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
         """Start a supervised process, before other programs if that is permitted.
 
-        A `command` `python -m MODULE ...` of this interpreter runs in the fork; others are executed there.
-        `log`: file for output. `piped`: whether input is a pipe. `OSError`: no descriptor or fork server.
+        `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
+        process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
+        its standard input is a pipe. Raises `OSError`: no descriptors are left, or no fork server is ready.
         """
         self.ensure_running()
         self._wait_until_ready()

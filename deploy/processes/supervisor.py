@@ -104,7 +104,10 @@ class Supervisor:
         return [line for name, child in self.children.items() if child.wanted for line in self.start(name)]
 
     def start(self, name: str) -> list[str]:
-        """Start a process or use a spare; failures are tried again. Return a line for each problem."""
+        """Start one process, or let a spare take its place; return a line for each problem.
+
+        Without a log it runs all the same; a process that cannot be started is tried again a moment later.
+        """
         child = self.children[name]
         child.restart_at_s = 0.0
         log_path = self._logs / f"{name}.log"

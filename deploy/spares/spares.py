@@ -75,7 +75,10 @@ class Spares:
     def take(
         self, role: str, unit: str, log: Path, usable: Callable[[int], bool], *, take_over: bool = False
     ) -> ForkedProcess | None:
-        """Let a spare, `usable` by process id, take over a job and its `log`; return its process or None."""
+        """Let a spare that is `usable`, by its process id, take over a job; return its process, if any.
+
+        It logs into `log`. With `take_over` an agent takes over from one that flies its vehicle.
+        """
         if (role, unit) not in self._jobs:
             return None
         ready = [spare for spare in self._spares if spare.ready() and usable(spare.process.pid)]
