@@ -58,7 +58,10 @@ def digest_of(fleet: FleetFile) -> str:
 
 
 def at_speed(fleet: FleetFile, speed: float | None, lockstep: bool = False) -> FleetFile:
-    """Return a fleet at a speed, or in lockstep; None, False: as in its file. May raise `FleetError`."""
+    """Return a fleet whose time passes at a speed, or in lockstep; None and False mean as in its file.
+
+    Raises `FleetError`: the fleet flies hardware, the speed is out of range, or a part of it cannot wait.
+    """
     simulator = fleet.simulator
     if simulator is not None and (lockstep or simulator.lockstep):
         if len(fleet.hosts) > 1 or fleet.tracker.brand != "vicon":
@@ -181,7 +184,10 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) -> T:
-    """Convert the table at path `where`; unless `strict`, texts become numbers. May raise `FleetError`."""
+    """Convert a table at the path `where` of the file to a type; unless `strict`, texts become numbers.
+
+    Raises `FleetError`: names the path of a wrong type, a missing or unknown field, or a refused value.
+    """
     try:
         return msgspec.convert(raw, kind, strict=strict)
     except msgspec.ValidationError as error:

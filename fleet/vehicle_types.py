@@ -1,4 +1,8 @@
-"""Vehicle types: one TOML file each, in this package, an installed one, or beside a fleet file."""
+"""Vehicle types: one TOML file each, in this package, in an installed one, or beside a fleet file.
+
+A package adds a type through the entry-point group `rcopterx.vehicle_types`: the entry point `NAME` names a
+package that contains `NAME.toml`.
+"""
 
 from functools import cache
 from importlib.metadata import entry_points

@@ -45,7 +45,10 @@ def default_directory() -> Path:
 
 
 def new_flight_name(fleet: str, started_s: float, directory: Path) -> str:
-    """Return the name of a flight: fleet, date, time, and number, since clocks without a battery repeat."""
+    """Return the name of a flight that begins at a time of the wall clock: fleet, date, time, number.
+
+    The number is one more than the largest in the directory: clocks of boards without a battery repeat.
+    """
     number = 1
     with suppress(OSError):  # the recorder will report why the directory is unusable
         number += max((_number(part["flight"]) for part in _parts(directory)), default=0)
@@ -72,7 +75,10 @@ def missing_parts(flight: Flight) -> list[int]:
 
 
 def flights_in(directory: Path) -> list[Flight]:
-    """Return the flights of a directory, the oldest first; other files are ignored. May raise OSError."""
+    """Return the flights of a directory, the oldest first; other files are ignored.
+
+    Raises OSError if the directory cannot be read.
+    """
     parts: dict[str, list[Path]] = {}
     for part in sorted(_parts(directory), key=lambda part: (int(part["number"]), part[0])):
         parts.setdefault(part["flight"], []).append(directory / part[0])

@@ -1,4 +1,8 @@
-"""The learner: fits models to ordinary flight at the lowest priority, and requests vehicles to use them."""
+"""The learner: fits models to the ordinary flight of the vehicles of a fleet, and sends these to them.
+
+It only listens, as the recorder does, and sends what it has found as a request to tune. Fits take seconds
+of a processor at the lowest priority; no process waits for them.
+"""
 
 import logging
 import os

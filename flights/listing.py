@@ -87,7 +87,10 @@ class Mended(NamedTuple):
 
 
 def mend(path: Path) -> Mended:
-    """Write what is readable of a damaged file beside it; `FlightLogError`: no log, recorded, or mended."""
+    """Write a complete file with everything readable beside a damaged one, which stays as it is.
+
+    Raises `FlightLogError` if it is no log, is being recorded, or has been mended before.
+    """
     contents, read, count = contents_of(path), LogContents(), 0
     if is_recorded(path):
         raise FlightLogError(f"{path}: is being recorded")

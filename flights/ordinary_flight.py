@@ -16,7 +16,10 @@ WINDOW_S: Final = 60.0  # of the flight that is kept
 def recording_of(
     poses: Sequence[Pose], applied: Sequence[Applied], kind: str, period_s: float
 ) -> FlightRecording:
-    """Return a flight; `RecordingError`: gaps, a restart, an override by the arbiter, or nothing applied."""
+    """Return the flight of a vehicle of type `kind` with a control period.
+
+    Raises `RecordingError` for gaps, a restart, an override by the arbiter, or nothing applied.
+    """
     fresh = [one for one in applied if one.fresh]
     if not poses or not fresh:
         raise RecordingError("no poses, or no commands, were on the bus")

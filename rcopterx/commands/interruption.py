@@ -9,13 +9,16 @@ POLL_S = 0.02  # longest time until a wait ends after a signal
 
 
 class Interrupts:
-    """Counts Ctrl-C: the first lands, the second cuts. No lock: the interrupted thread may hold it."""
+    """Counts Ctrl-C: the first one lands, the second one cuts.
+
+    It needs no lock: a signal handler that takes one waits for ever if the interrupted thread holds it.
+    """
 
     def __init__(self) -> None:
         self.count = 0
 
     def __call__(self, *_: object) -> None:
-        """Count a signal."""
+        """Signal handler."""
         self.count += 1
 
     def is_set(self) -> bool:

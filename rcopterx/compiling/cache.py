@@ -1,4 +1,7 @@
-"""The cache of kernels, by version of their sources and kind of computer; does not import numba."""
+"""The cache of compiled kernels: a private directory for each version of their sources and kind of computer.
+
+This module does not import numba: the launcher compiles kernels in another process and needs none of it.
+"""
 
 import fcntl
 import hashlib
@@ -49,7 +52,10 @@ _PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU impleme
 
 @cache
 def directory() -> Path | None:
-    """Return the private directory of this version's kernels, created if missing; None without a place."""
+    """Return the private directory of this version's kernels, created if missing; None if there is no place.
+
+    Its content is executed: a place that belongs to another user, or that others may write to, is refused.
+    """
     name = f"{_PREFIX}{_digest()}"
     for base in _bases():
         try:
