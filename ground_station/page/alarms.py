@@ -17,7 +17,9 @@ SLOW: Final = "this computer is too slow for its fleet"
 _SLOW: Final = re.compile(rf"{SLOW}|more agents run on this computer|: a call took longer than \d+ ms")
 _NUMBERS: Final = re.compile(r"[\d.█░]+")
 CHARGE: Final = "land it, and charge its battery"
-_SLOW_REMEDY: Final = "end other programs, or fly fewer vehicles; rcopterx doctor measures it"
+_SLOW_REMEDY: Final = (
+    "end other programs, fly fewer vehicles or shorten horizons; rcopterx doctor measures it"
+)
 _LATE: Final = "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason"
 _REMEDIES: Final = (
     ("battery", "charge its battery"),

@@ -53,7 +53,7 @@ class PageSteering:
         finally:
             with self._lock:
                 self._busy.discard(what)
-        self._notice(answer if isinstance(answer, str) and answer else done or what, False)
+        self._notice(done or (answer if isinstance(answer, str) and answer else what), False)
         return True
 
     def refuse(self, reason: str) -> None:
@@ -61,8 +61,12 @@ class PageSteering:
         self._notice(reason, True)
 
     def take_off(self) -> None:
-        """Arm and take off with all vehicles that are ready."""
-        self.run("take-off", lambda: "; ".join(self._fleet.take_off()), "all fly")
+        """Arm and take off with all vehicles that are ready; name the others."""
+        self.run("take-off", self._take_off)
+
+    def _take_off(self) -> str:
+        remarks = "; ".join(self._fleet.take_off())
+        return f"flying; on the floor: {remarks}" if remarks else "all fly"
 
     def land(self, name: Name | None) -> None:
         """Land one or all vehicles."""
@@ -71,14 +75,22 @@ class PageSteering:
 
     def kill(self) -> None:
         """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
-        done = "all motors are cut; reset to fly again"
-        self.run(f"kill {threading.get_ident()}", lambda: self._fleet.kill(reason=KILL_REASON), done)
+        try:
+            self._fleet.kill(reason=KILL_REASON)
+        except FLIGHT_ERRORS as error:
+            self.refuse(str(error))
+        else:
+            self._notice("all motors are cut; reset to fly again", False)
 
     def reset(self) -> None:
         """Leave KILLED, for all vehicles that are killed."""
         killed = [vehicle for vehicle in self._fleet if vehicle.state.transmitter_state == "killed"]
-        names = ", ".join(vehicle.name for vehicle in killed) or "no vehicle is killed"
-        self.run("reset", lambda: list(map(Vehicle.reset, killed)), f"reset: {names}")
+        names = ", ".join(vehicle.name for vehicle in killed)
+        self.run(
+            "reset",
+            lambda: list(map(Vehicle.reset, killed)),
+            f"reset: {names}" if killed else "no vehicle is killed",
+        )
 
     def go_to(self, name: Name, place_m: Place, yaw_rad: float) -> None:
         """Send a vehicle to a set point."""
@@ -119,8 +131,11 @@ class PageSteering:
     def formation(self, shape: ShapeName, leader: Name, spacing_m: Spacing) -> None:
         """Bring all flying vehicles into a formation behind a vehicle that leads."""
         flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
-        if leader not in flying or self._fleet[leader].state.leaders:
-            self.refuse(f"{leader} does not fly, or follows another vehicle; let it lead first")
+        if leader not in flying:
+            self.refuse(f"{leader} does not fly")
+            return
+        if self._fleet[leader].state.leaders:
+            self.refuse(f"{leader} follows another vehicle; let it lead first")
             return
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():

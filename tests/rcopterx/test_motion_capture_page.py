@@ -46,8 +46,10 @@ def test_scenario_of_the_page_can_be_read(tmp_path: Path) -> None:
     assert [line.at_s for line in read_scenario(path)] == [1.0, 4.0]
 
 
-def test_brands_of_the_page_are_all_there_are_and_its_example_is_right() -> None:
+def test_brands_of_the_page_are_all_there_are_and_its_examples_are_right() -> None:
     table = PAGE.split("| brand | usual address | remarks |")[1].split("\n\n")[0]
     assert re.findall(r"^\| `(\w+)` \|", table, flags=re.MULTILINE) == list(BRAND_NAMES)
-    (text,) = (block for block in blocks("toml") if "brand =" in block)
-    assert brand_of(parse_fleet(HARDWARE_PAIR + text)) is not None
+    trackers = [block.split("[vehicles")[0] for block in blocks("toml") if "brand =" in block]
+    assert len(trackers) == 2
+    for text in trackers:
+        assert brand_of(parse_fleet(HARDWARE_PAIR + text)) is not None

@@ -187,7 +187,7 @@ def test_what_others_choose_is_shown(opened: Opened, fleet: Fleet, vehicles: Veh
 
 def test_a_formation_is_flown_by_all_that_fly(opened: Opened, fleet: Fleet, vehicles: Vehicles) -> None:
     opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
-    assert opened.notices == [("h1 does not fly, or follows another vehicle; let it lead first", True)]
+    assert opened.notices == [("h1 does not fly", True)]
     fly(fleet, vehicles)
     opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
     (request,) = vehicles["h2"].requests
