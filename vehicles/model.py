@@ -125,6 +125,9 @@ def damping_range(ratio: float, factor: float = DAMPING_FACTOR) -> Two:
     return ratio / factor, ratio * factor
 
 
+CALM: Final = 0.01  # gust density of air at rest
+
+
 class MotionModel(NamedTuple):
     """Parameters of the equations of motion (1) for kernels; vectors are body x, y, z, yaw, shape (4,)."""
 
@@ -189,6 +192,8 @@ class Model:
     """How far the true vehicle may be from these numbers."""
     tilt_measured: bool = True
     """Whether its filter uses roll and pitch of poses: the setting `measured_tilt` of estimators."""
+    gust_density: float = CALM
+    """Random-walk density of the velocity [m/s per root second]: gusts too short to be compensated."""
 
     def for_positions_only(self) -> "Model":
         """Return the same model where poses give no tilt."""
@@ -206,7 +211,7 @@ class Model:
             numbers = value if isinstance(value, tuple) else (value,) if isinstance(value, float) else ()
             if not all(map(math.isfinite, numbers)):
                 raise ValueError(f"{field.name}: every number must be finite, got {value}")
-        for name in ("input_gain", "gravity_m_s2"):
+        for name in ("input_gain", "gravity_m_s2", "gust_density"):
             if np.min(getattr(self, name)) <= 0:
                 raise ValueError(f"{name}: must be above 0, got {getattr(self, name)}")
         for name in ("lag_s", "delay_s"):
@@ -304,6 +309,7 @@ FITTED: Final = (
     "thrust_coupling",
     "tilt",
     "uncertainty",
+    "gust_density",
 )
 """Parameters that an identification finds."""
 

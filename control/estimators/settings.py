@@ -6,11 +6,12 @@ with a tilt model of which only the type is known has much process noise in rate
 filter follows the measurements.
 """
 
+import math
 from typing import Annotated, Final, NamedTuple
 
 import msgspec
 
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import CALM, Model
 from rcopterx.vehicles.tuples import Four
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -63,6 +64,9 @@ LOST_THRUST: Final = (
 )
 
 
+GUSTY_WIND_M_S2: Final = 0.15  # beside gusts, as of the real flight in docs/helicopter.md
+
+
 class Noise(NamedTuple):
     """Settings of `ExtendedKalmanSettings` that depend on the model where they are left out."""
 
@@ -94,5 +98,15 @@ def noise_of(model: Model, settings: ExtendedKalmanSettings) -> Noise:
             tilt_density=graded(2.1, 10.0),
             wind_rms_m_s2=graded(0.5, 1.5) if settings.measured_tilt else graded(0.25, 1.5),
         )
+        if settings.measured_tilt:
+            noise = _in_gusts(noise, model.gust_density)
     given = {name: value for name in Noise._fields if (value := getattr(settings, name)) is not None}
     return noise._replace(**given)
+
+
+def _in_gusts(noise: Noise, density: float) -> Noise:
+    """Noise in air with gusts: the more there are, the less is compensated as wind."""
+    share = min(max(math.log10(density / CALM), 0.0), 1.0)
+    wind_m_s2 = noise.wind_rms_m_s2 ** (1.0 - share) * GUSTY_WIND_M_S2**share
+    drift = max(density, noise.velocity_noise[0])
+    return noise._replace(velocity_noise=(drift, drift, *noise.velocity_noise[2:]), wind_rms_m_s2=wind_m_s2)

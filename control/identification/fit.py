@@ -46,6 +46,7 @@ from rcopterx.control.identification.result import (
     Identification,
 )
 from rcopterx.vehicles.model import (
+    CALM,
     DAMPING_FACTOR,
     IDENTIFIED,
     Model,
@@ -65,6 +66,7 @@ _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior 
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
+_GUSTS: Final = (CALM, 2.0 * CALM, 5.0 * CALM, 10.0 * CALM)
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
@@ -123,7 +125,8 @@ def identify(
 def _judged(name: str, found: "_Found", start: Candidate, model: Model, flights: Flights) -> FittedPart:
     """Judge the fit of a part, which began at `start`, by flights that were not fitted."""
     numbers, bounds = found.numbers(start), found.at_bounds()
-    before = _error(Candidate(model, found.candidate.offsets), found.motion, flights)
+    in_same_air = replace(model, gust_density=found.candidate.model.gust_density)
+    before = _error(Candidate(in_same_air, found.candidate.offsets), found.motion, flights)
     after = _error(found.candidate, found.motion, flights)
     essential = [
         f"{at_bound} went as far as it may: the vehicle is not of this type, or the flight does not show it"
@@ -232,7 +235,10 @@ class _Fit:
             costs = [np.sum(self._all(start, flights, scales, at) ** 2) for at in self.begin_at]
             position = self.begin_at[int(np.argmin(costs))]
         for _ in range(2):
-            # Weights follow from the errors of the best model so far.
+            # Gusts and weights follow from the errors of the best model so far.
+            if self.motion is horizontal and not self.far:
+                density = _likeliest_gusts(self._at(start, position), flights)
+                start = replace(start, model=replace(start.model, gust_density=density))
             scales = self._scales(self._at(start, position), flights)
             solved: OptimizeResult = least_squares(
                 partial(self._all, start, flights, scales),
@@ -273,6 +279,16 @@ class _Fit:
         errors = self._errors(self._at(start, position), flights)
         weighted = [part / scale for part, scale in zip(errors, scales, strict=True)]
         return np.concatenate((*weighted, position))
+
+
+def _likeliest_gusts(candidate: Candidate, flights: Flights) -> float:
+    """The density of `_GUSTS` that makes the innovations of a candidate likeliest."""
+
+    def improbability(density: float) -> float:
+        gusty = replace(candidate, model=replace(candidate.model, gust_density=density))
+        return sum(horizontal(gusty, flight).improbability() for flight in flights)
+
+    return min(_GUSTS, key=improbability)
 
 
 def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:

@@ -15,7 +15,7 @@ from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.models.lags import behind_lag
 from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
 from rcopterx.control.models.linear import Complex, as_complex, steady_filter, zero_order_hold
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import CALM, Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
 
 
@@ -37,6 +37,7 @@ EVERY_ROW: Final = slice(None)
 SETTLE_S: Final = 2.0  # errors count from here on: predictors start without knowledge of the wind
 _FAR_AHEAD_S: Final = (0.2, 1.0)
 _FAR_EVERY_S: Final = 0.3
+_USUAL: Final = 0.98  # share of innovations that are no outliers
 
 
 class Motion:
@@ -54,7 +55,8 @@ class Motion:
         self._older = rest @ zero_order_hold(system.a, system.b, late_s)[1]
         process = period_s * np.diag(system.process_variance).astype(complex)
         noise = np.diag(system.measurement_variance).astype(complex)
-        _, self._gain = steady_filter(self._a, system.c, process, noise)
+        covariance, self._gain = steady_filter(self._a, system.c, process, noise)
+        self._expected: Complex = system.c @ covariance @ system.c.conj().T + noise
 
     def _states(self) -> Complex:
         """States predicted one period ahead, shape (K, n)."""
@@ -72,6 +74,13 @@ class Motion:
     def innovations(self) -> Complex:
         """Return the one-period prediction errors, shape (K, m)."""
         return self._measured - self._states() @ self._c.T
+
+    def improbability(self) -> float:
+        """Return the mean negative log likelihood of innovations without outliers, up to a constant."""
+        found = self.innovations()[self.settled :]
+        squares = np.einsum("ki,ij,kj->k", found.conj(), np.linalg.inv(self._expected), found).real
+        usual = np.sort(squares)[: round(_USUAL * len(squares))]
+        return float(usual.mean() + np.linalg.slogdet(self._expected)[1])
 
     def ahead(self, periods: int, rows: slice = EVERY_ROW) -> Complex:
         """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
@@ -112,7 +121,6 @@ class Motion:
 POSITION_NOISE_M: Final = 0.0005
 YAW_NOISE_RAD: Final = 0.003
 TILT_NOISE: Final = 0.003
-_VELOCITY_DENSITY: Final = 0.01
 _RATE_DENSITY: Final = 0.1
 """Errors of the tilt model as a random walk of the tilt rate. A larger value biases frequency and servo lag
 upwards, because the fit then trusts single noisy tilts."""
@@ -214,7 +222,7 @@ def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> Linear
     c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
     density = np.zeros(len(b))
     flaps = model.tilt is not None and model.tilt.flapping_rad_s_m > 0.0
-    density[1], density[servo] = _VELOCITY_DENSITY, _SERVO_DENSITY
+    density[1], density[servo] = model.gust_density, _SERVO_DENSITY
     density[rate] = _FLAPPING_RATE_DENSITY if flaps else _RATE_DENSITY
     density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
     noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
@@ -239,7 +247,7 @@ def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: floa
     a, b = (part.astype(complex) for part in behind_lag(model, axis, lag_s, disturbances=2))
     a[3, 3] = -1.0 / WIND_CORRELATION_S
     gust = wind * np.sqrt(2.0 / WIND_CORRELATION_S)
-    density = np.array([0.0, _VELOCITY_DENSITY, _ACTUATOR_DENSITY, gust, drift])
+    density = np.array([0.0, CALM, _ACTUATOR_DENSITY, gust, drift])
     return LinearSystem(a, b, np.eye(1, 5, dtype=complex), density**2, np.array([noise**2]))
 
 

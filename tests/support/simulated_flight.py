@@ -7,7 +7,7 @@ import numpy as np
 from rcopterx.control.identification.excitation import Excitation, excitation_for
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.lateral import POSITION, LateralSystem
+from rcopterx.control.models.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import heading_matrix
@@ -23,6 +23,7 @@ def simulated_flight(
     trim: tuple[float, float] = (0.01, -0.02),
     body_rad: tuple[float, float] = (0.03, -0.04),
     seed: int = 1,
+    gust_density: float = 0.0,
 ) -> FlightRecording:
     """Sticks of a multisine without a controller, one period of delay, wind, and noise of a motion capture.
 
@@ -57,6 +58,8 @@ def simulated_flight(
         middle_rad = 0.5 * (heading_rad + float(upright.motion[3]))
         demand = demand_matrix(model, middle_rad) @ (acting[:2] + np.array(trim))
         lateral = system.transition @ lateral + system.demand @ demand
+        if gust_density:
+            lateral[VELOCITY] += gust_density * math.sqrt(PERIOD_S) * random.standard_normal(2)
     return FlightRecording(
         model.kind,
         PERIOD_S,

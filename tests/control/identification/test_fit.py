@@ -12,7 +12,7 @@ from rcopterx.control.identification.excitation import Excitation, excitation_fo
 from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.identification.result import HEADING, HEIGHT, HORIZONTAL, Identification
-from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.model import CALM, IDENTIFIED, Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
 
@@ -96,6 +96,13 @@ def test_a_fitted_model_is_more_certain_than_a_type(found: Identification) -> No
     assert low < found.model.tilt.damping_ratio < high < 2.0 * low
 
 
+@pytest.mark.parametrize("density", [CALM, 0.05, 0.1])
+def test_gusts_of_a_flight_are_found(density: float) -> None:
+    found = identify(simulated_flight(other_helicopter(), gust_density=density), COAXIAL)
+    assert found.model.gust_density == density
+    assert found.model.input_gain[:2] == pytest.approx(other_helicopter().input_gain[:2], rel=0.15)
+
+
 def test_positions_alone_are_enough(flight: FlightRecording) -> None:
     found = identify(replace(flight, tilt=None), COAXIAL)
     assert found.problems == ()
@@ -120,6 +127,7 @@ def test_a_single_wild_pose_does_not_spoil_the_fit(flight: FlightRecording, foun
     position = flight.position_m.copy()
     position[700, 0] += 0.2
     spoilt = identify(replace(flight, position_m=position), COAXIAL)
+    assert spoilt.model.gust_density == CALM
     assert spoilt.model.input_gain[:2] == pytest.approx(found.model.input_gain[:2], rel=0.1)
 
 
