@@ -16,14 +16,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from rcopterx.control.identification.motions import (
-    SETTLE_S,
-    Candidate,
-    Motion,
-    heading,
-    horizontal,
-    vertical,
-)
+from rcopterx.control.identification.motions import SETTLE_S, Candidate, Motion, heading, horizontal, vertical
 from rcopterx.control.identification.parameters import (
     DAMPING,
     FREQUENCY,
@@ -45,14 +38,7 @@ from rcopterx.control.identification.result import (
     FittedPart,
     Identification,
 )
-from rcopterx.vehicles.model import (
-    CALM,
-    DAMPING_FACTOR,
-    IDENTIFIED,
-    Model,
-    Uncertainty,
-    damping_range,
-)
+from rcopterx.vehicles.model import CALM, DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import U_THRUST, Array, three
 from rcopterx.vehicles.tuples import Two
 
@@ -102,15 +88,12 @@ def identify(
     with_tilt = all(flight.tilt is not None for flight in flights)
     judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
     candidate, parts = Candidate(known), []
-    for name, fit in zip(
-        PARTS,
-        (
-            _horizontal_fit(candidate, with_tilt, logged),
-            _Fit(vertical_parameters(logged), vertical, logged),
-            _Fit(heading_parameters(model), heading, far=True),
-        ),
-        strict=True,
-    ):
+    fits = (
+        _horizontal_fit(candidate, with_tilt, logged),
+        _Fit(vertical_parameters(logged), vertical, logged),
+        _Fit(heading_parameters(model), heading, far=True),
+    )
+    for name, fit in zip(PARTS, fits, strict=True):
         found = fit.run(candidate, fitted)
         part = _judged(name, found, Candidate(known), model, judged)
         parts.append(_within(part, model) if ordinary else part)
@@ -133,9 +116,8 @@ def _judged(name: str, found: "_Found", start: Candidate, model: Model, flights:
         for at_bound in bounds
         if at_bound in _ESSENTIAL
     ]
-    doubtful = [at_bound for at_bound in bounds if at_bound not in _ESSENTIAL]
     problems = (*_too_little(numbers), *_worse(name, before, after), *essential)
-    remarks = tuple(_doubtful(at_bound, name) for at_bound in doubtful)
+    remarks = tuple(_doubtful(at_bound, name) for at_bound in bounds if at_bound not in _ESSENTIAL)
     return FittedPart(name, tuple(numbers), before, after, problems, remarks)
 
 
@@ -180,14 +162,8 @@ def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
     plane = horizontal(candidate, recording).errors_ahead(periods)
-    errors = np.column_stack(
-        (
-            plane.real,
-            plane.imag,
-            vertical(candidate, recording).errors_ahead(periods).real,
-            heading(candidate, recording).errors_ahead(periods).real,
-        )
-    )
+    others = [motion(candidate, recording).errors_ahead(periods).real for motion in (vertical, heading)]
+    errors = np.column_stack((plane.real, plane.imag, *others))
     return np.vstack((np.full((periods, 4), np.nan), measured - errors))
 
 
@@ -249,8 +225,7 @@ class _Fit:
                 max_nfev=_EVALUATIONS,
             )
             position = solved.x
-        covariance = np.linalg.inv(solved.jac.T @ solved.jac)
-        deviation = np.sqrt(np.diag(covariance))
+        deviation = np.sqrt(np.diag(np.linalg.inv(solved.jac.T @ solved.jac)))
         return _Found(self._at(start, position), self.motion, self.parameters, position, deviation)
 
     def _at(self, start: Candidate, position: Array) -> Candidate:
