@@ -64,7 +64,9 @@ LOST_THRUST: Final = (
 )
 
 
-GUSTY_WIND_M_S2: Final = 0.15  # beside gusts, as of the real flight in docs/helicopter.md
+ROOM_DENSITY: Final = 2.0 * CALM  # at most, of gusts by the wakes of others
+GUSTY_DENSITY: Final = 10.0 * CALM  # of the real flight in docs/helicopter.md, as its wind beside the gusts
+GUSTY_WIND_M_S2: Final = 0.15
 
 
 class Noise(NamedTuple):
@@ -105,8 +107,10 @@ def noise_of(model: Model, settings: ExtendedKalmanSettings) -> Noise:
 
 
 def _in_gusts(noise: Noise, density: float) -> Noise:
-    """Noise in air with gusts: the more there are, the less is compensated as wind."""
-    share = min(max(math.log10(density / CALM), 0.0), 1.0)
+    """Noise in air with more gusts than a closed room has: the more, the less is compensated as wind."""
+    share = min(math.log(density / ROOM_DENSITY) / math.log(GUSTY_DENSITY / ROOM_DENSITY), 1.0)
+    if share <= 0.0:
+        return noise
     wind_m_s2 = noise.wind_rms_m_s2 ** (1.0 - share) * GUSTY_WIND_M_S2**share
     drift = max(density, noise.velocity_noise[0])
     return noise._replace(velocity_noise=(drift, drift, *noise.velocity_noise[2:]), wind_rms_m_s2=wind_m_s2)
