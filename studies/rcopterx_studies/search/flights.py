@@ -114,7 +114,7 @@ def drawn_flight(seed: int, vehicles: Sequence[int] = (1, 2, 3), types: Sequence
         seed=seed,
         types=flown,
         weather=chance.choice(WEATHER),
-        rate_hz=chance.choice((50, 100)),
+        rate_hz=chance.choice((50, 50, 50, 100)),
         seconds=SECONDS,
         happenings=(up, *sorted(later, key=lambda one: one.at_s)),
     )

@@ -22,6 +22,7 @@ OUTSIDE_M: Final = 0.5  # distance in which a vehicle stops
 FAR_M: Final = 3.0  # the same of one that is not seen where it is
 KILLED_S: Final = 0.06
 ALOFT_M: Final = 0.3
+MANY: Final = 2  # faults of processes and messages after which a vehicle may land by itself
 UNSEEN: Final = frozenset({"silence", "freeze", "delay", "skip_frames", "add_noise", "close", "reset",
                            "reset_frame_id", "burst", "wrong_magic"})  # fmt: skip
 """Kinds of faults that concern the poses of all vehicles."""
@@ -45,16 +46,24 @@ class Watch:
         self._low_m, self._high_m = low_m, high_m
         self._excused = excuses_of(flight)
         self._touchdowns: Counter[str] = Counter()
-        self._highest: dict[str, float] = {}
+        self._highest_m: dict[str, float] = {}
         self._states: dict[str, str] = {}
         self._kills: dict[str, float] = {}
         self._disturbed_s = -math.inf
-        self.now_s = 0.0
+        self._disturbances = 0
+        self._may_land: set[str] = set()
 
     def note(self, happening: Happening, at_s: float) -> None:
         """Note what happens to the fleet."""
         if happening.verb in (END, STOP, IMPAIR):
             self._disturbed_s = at_s + float(happening.fields.get("seconds", 1.0)) + 1.0
+            self._disturbances += 1
+        if happening.verb in ("land", "disarm"):
+            self._may_land.add(happening.unit)
+
+    def landing(self) -> None:
+        """Note that all vehicles land now."""
+        self._may_land |= self._states.keys()
 
     def killed(self, vehicle: str, at_s: float) -> None:
         """Note that a person kills a vehicle now."""
@@ -85,7 +94,6 @@ class Watch:
             self._kills.pop(vehicle, None)
 
     def _check_truth(self, vehicles: Mapping[str, LaboratoryVehicle], at_s: float) -> None:
-        self.now_s = at_s
         for name, asked_s in list(self._kills.items()):
             if at_s > asked_s + KILLED_S:
                 self.find("kill", at_s, f"{name} is {self._states[name]} {at_s - asked_s:.3f} s after a kill")
@@ -100,15 +108,22 @@ class Watch:
 
     def _check_vehicle(self, name: str, vehicle: LaboratoryVehicle, at_s: float) -> None:
         limit_m_s = self._excused.get(name, TOUCHDOWN_M_S)
+        self._highest_m.setdefault(name, 0.0)
         if vehicle.touchdowns > self._touchdowns[name]:
             self._touchdowns[name] = vehicle.touchdowns
             if vehicle.touchdown_speed_m_s > limit_m_s:
                 text = f"{name} touches down with {vehicle.touchdown_speed_m_s:.2f} m/s"
                 self.find("touchdown", at_s, text)
+            elif self._highest_m[name] > ALOFT_M and self._has_to_fly(name):
+                self.find("flies on", at_s, f"{name} comes down, and nothing requests it")
+        self._highest_m[name] = max(self._highest_m[name], vehicle.position_m[2])
         sides = zip(vehicle.position_m, self._low_m, self._high_m, strict=True)
         beyond_m = max(max(low - place, place - high) for place, low, high in sides)
         if beyond_m > (FAR_M if name in self._excused else OUTSIDE_M):
             self.find("volume", at_s, f"{name} is {beyond_m:.2f} m outside the volume")
+
+    def _has_to_fly(self, name: str) -> bool:
+        return name not in self._may_land | self._excused.keys() and self._disturbances < MANY
 
 
 def excuses_of(flight: Flight) -> dict[str, float]:
