@@ -20,8 +20,11 @@ END: Final = "end"  # a process is killed
 STOP: Final = "stop"  # it takes no turns for `seconds`
 IMPAIR: Final = "impair"  # for `seconds` messages are lost, doubled, or late by up to `late_s`
 UP: Final = "up"  # all vehicles of `names` are armed, and take off
+PROMOTE: Final = "promote"  # a vehicle becomes the leader of all
 TYPES: Final = ("coaxial", "betaflight")
-SECONDS: Final = 14.0
+SECONDS: Final = 13.0  # in which things happen
+FLOWN_S: Final = 8.0  # shortest flight
+AFTER_S: Final = 3.0  # time after the last happening until all land
 MOST: Final = 6  # vehicles that have places in the volume
 PLACES_M: Final = ((0.0, 0.0), (-0.6, 0.6), (-0.6, -0.6), (0.6, 0.6), (0.6, -0.6), (-0.9, 0.0))
 WEATHER: Final = ("helicopter", "helicopters")
@@ -110,19 +113,20 @@ def drawn_flight(seed: int, vehicles: Sequence[int] = (1, 2, 3), types: Sequence
     up = Happening(0.0, UP, fields={"names": names, "height_m": round(chance.uniform(0.5, 1.2), 2)})
     count = min(1 + int(chance.expovariate(0.4)), 12)
     later = [happening for _ in range(count) for happening in _drawn(chance, names)]
+    later.sort(key=lambda one: one.at_s)
     return Flight(
         seed=seed,
         types=flown,
         weather=chance.choice(WEATHER),
         rate_hz=chance.choice((50, 50, 50, 100)),
-        seconds=SECONDS,
-        happenings=(up, *sorted(later, key=lambda one: one.at_s)),
+        seconds=max(FLOWN_S, later[-1].at_s + AFTER_S),
+        happenings=(up, *later),
     )
 
 
 def _drawn(chance: random.Random, names: list[str]) -> Iterator[Happening]:
     """Draw what happens at one moment, in a third of all cases with something else soon after it."""
-    at_s = round(chance.uniform(0.0, SECONDS - 1.0), 3)
+    at_s = round(chance.uniform(0.0, SECONDS), 3)
     kinds, weights = zip(*KINDS.items(), strict=True)
     while True:
         verb, unit, fields = chance.choices(kinds, weights)[0](chance, names)
@@ -156,7 +160,7 @@ def _request(chance: random.Random, names: list[str]) -> Drawn:
 
 
 def _promotion(chance: random.Random, names: list[str]) -> Drawn:
-    return "promote", chance.choice(names), {}
+    return PROMOTE, chance.choice(names), {}
 
 
 def _kill(chance: random.Random, names: list[str]) -> Drawn:

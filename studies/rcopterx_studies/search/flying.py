@@ -3,7 +3,7 @@
 import hashlib
 import random
 import socket
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final, NamedTuple
 
@@ -17,13 +17,13 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 from rcopterx_studies.faults.flight_promises import NEEDED, broken_promises
 from rcopterx_studies.faults.promise import OFF
 from rcopterx_studies.replay.digest import DIGESTED
+from rcopterx_studies.search import flights
 from rcopterx_studies.search.flights import Flight, Happening
 from rcopterx_studies.search.memory_bus import Travel
 from rcopterx_studies.search.one_process import OneProcess, in_one_process
 from rcopterx_studies.search.watch import Finding, Watch
 
 DOWN_S: Final = 30.0  # by then everything that was told to land stands on the floor
-NAP_S: Final = 0.02
 
 
 class Flown(NamedTuple):
@@ -104,32 +104,22 @@ class _Flier:
         participant = session.participant
         assert participant is not None
         match happening.verb:
-            case "up":
-                self._take_off(fleet, fields["names"], fields["height_m"])
-            case "promote":
+            case flights.UP:
+                fleet.arm(fields["names"])
+                for name in fields["names"]:
+                    fleet[name].take_off(fields["height_m"])
+            case flights.PROMOTE:
                 fleet.promote(unit)
-            case "end":
+            case flights.END:
                 participant.kill(unit)
-            case "stop":
+            case flights.STOP:
                 participant.stop(unit, fields["seconds"])
-            case "impair":
-                ends_s = session.clock() + fields["seconds"]
-                self._process.turns.bus.travel = impaired(
-                    self._chance,
-                    ends_s,
-                    fields.get("lost", 0.0),
-                    fields.get("doubled", 0.0),
-                    fields.get("late_s", 0.0),
-                )
+            case flights.IMPAIR:
+                self._process.turns.bus.travel = impaired(self._chance, session.clock(), fields)
             case verb:
                 if verb == "kill":
                     self._watch.killed(unit, session.clock())
                 session.request(unit, convert(fields, VERBS[verb].request))
-
-    def _take_off(self, fleet: Fleet, names: Sequence[str], height_m: float) -> None:
-        fleet.arm(names)
-        for name in names:
-            fleet[name].take_off(height_m)
 
     def _land(self, fleet: Fleet) -> None:
         """Land all vehicles; each has to stand with its motors off in time."""
@@ -146,11 +136,13 @@ class _Flier:
             fleet.wait(0.5)
 
 
-def impaired(chance: random.Random, ends_s: float, lost: float, doubled: float, late_s: float) -> Travel:
-    """Return how messages travel until a time: shares that are lost or doubled, and the largest delay."""
+def impaired(chance: random.Random, now_s: float, fields: Mapping[str, float]) -> Travel:
+    """Return how messages travel for `seconds`: shares `lost` and `doubled`, and up to `late_s` late."""
+    lost, doubled, late_s = (fields.get(name, 0.0) for name in ("lost", "doubled", "late_s"))
+    ends_s = now_s + fields["seconds"]
 
-    def travel(key: str, sent_s: float) -> tuple[float, ...]:
-        if sent_s > ends_s or "/request/" in key or "reply" in key:
+    def travel(sent_s: float) -> tuple[float, ...]:
+        if sent_s > ends_s:
             return (sent_s,)
         if chance.random() < lost:
             return ()

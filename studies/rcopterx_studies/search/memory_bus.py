@@ -6,12 +6,13 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from rcopterx.bus.attachments import STAMP
+from rcopterx.bus.session import BusAddress
 
 LOST_S: Final = 0.0
 """Time of sending before any subscription: such a message counts as arrived, and has no effect."""
 
-Travel = Callable[[str, float], tuple[float, ...]]
-"""Times of arrival of a message, by its key and the time of sending [s]: none if lost, several if doubled."""
+Travel = Callable[[float], tuple[float, ...]]
+"""Times of arrival of a message by that of sending [s]: none if it is lost, several if doubled."""
 
 
 class Content(NamedTuple):
@@ -83,9 +84,9 @@ class MemoryBus:
         self._keys: dict[str, zenoh.KeyExpr] = {}
         self._matching: dict[str, list[_Receiver]] = {}
 
-    def open(self, *_: object) -> "MemorySession":
+    def open(self, address: BusAddress, _timeout_s: float = 0.0) -> "MemorySession":
         """Open a session; takes the place of `rcopterx.bus.session.opened`."""
-        return MemorySession(self)
+        return MemorySession(self, takes_turns=bool(address.process))
 
     def key(self, key: str) -> zenoh.KeyExpr:
         """Return a key as Zenoh passes it to receivers."""
@@ -98,7 +99,7 @@ class MemoryBus:
         self._matching.clear()
 
     def deliver(self, key: str, payload: bytes, attachment: bytes) -> None:
-        """Pass a message to its subscribers; those of sessions in lockstep keep it until its turn."""
+        """Pass a message to its subscribers; sessions that take no turns get it at once."""
         key_expr = self.key(key)
         if key not in self._matching:
             self._matching[key] = [each for each in self.subscribers if each.key.intersects(key_expr)]
@@ -106,19 +107,18 @@ class MemoryBus:
             arrivals = [attachment]
         else:
             number, counter, sender, sent_s = STAMP.unpack(attachment)
-            times_s = self.travel(key, sent_s) or (LOST_S,)
+            times_s = self.travel(sent_s) or (LOST_S,)
             arrivals = [STAMP.pack(number, counter, sender, time_s) for time_s in times_s]
-        for stamped in arrivals:
-            sample = MemorySample(key_expr, Content(payload), Content(stamped))
-            for subscriber in self._matching[key]:
-                subscriber.call(sample)
+        for subscriber in self._matching[key]:
+            for stamped in arrivals if subscriber.session.takes_turns else [attachment]:
+                subscriber.call(MemorySample(key_expr, Content(payload), Content(stamped)))
 
 
 class MemorySession:
     """A session of a bus in memory, as `zenoh.Session`."""
 
-    def __init__(self, bus: MemoryBus) -> None:
-        self._bus = bus
+    def __init__(self, bus: MemoryBus, *, takes_turns: bool) -> None:
+        self._bus, self.takes_turns = bus, takes_turns
 
     def put(self, key: str, payload: bytes, attachment: bytes = b"", **_: object) -> None:
         """Send a message."""

@@ -121,9 +121,8 @@ class OneProcess:
             accepted=True, fleet=name, host=self._host, digest=digest_of(self._file), vehicles=vehicles
         )
         key = channels.request_key(name, self._host, "identify")
-        self.turns.bus.open().declare_queryable(
-            key, lambda query: query.reply(query.key_expr, encode(identity))
-        )
+        router = self.turns.bus.open(bus_address(self._file, self._host))
+        router.declare_queryable(key, lambda query: query.reply(query.key_expr, encode(identity)))
 
     def _follow(self, script: Callable[[Fleet], None], errors: list[BaseException]) -> None:
         try:

@@ -9,7 +9,7 @@ from rcopterx_studies.search.flights import Flight, Happening
 
 MOST_TRIES: Final = 60
 STILL: Final = "ideal"
-AFTER_S: Final = 1.0
+AFTER_S: Final = 1.0  # shortest time after the last happening until all land
 
 
 def shrunk(flight: Flight, breaks: Callable[[Flight], bool], tries: int = MOST_TRIES) -> Flight:

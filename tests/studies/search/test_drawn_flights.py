@@ -13,6 +13,7 @@ from rcopterx.simulator.faults import timed_faults
 from rcopterx_studies.search.flights import (
     END,
     IMPAIR,
+    PROMOTE,
     STOP,
     UP,
     Flight,
@@ -24,7 +25,7 @@ from rcopterx_studies.search.flying import impaired
 from rcopterx_studies.search.shrinking import shrunk
 from rcopterx_studies.search.watch import excuses_of
 
-OWN_VERBS = {END, STOP, IMPAIR, UP, "promote"}
+OWN_VERBS = {END, STOP, IMPAIR, UP, PROMOTE}
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -94,10 +95,10 @@ def test_only_vehicles_that_a_flight_breaks_are_excused() -> None:
 
 
 def test_impaired_messages_are_lost_doubled_and_late_until_the_time_is_over() -> None:
-    travel = impaired(random.Random(1), 10.0, lost=0.2, doubled=0.2, late_s=0.05)
-    arrivals = [travel("rcopterx/lab/v1/pose", 5.0) for _ in range(1000)]
+    travel = impaired(random.Random(1), 4.0, {"seconds": 6.0, "lost": 0.2, "doubled": 0.2, "late_s": 0.05})
+    arrivals = [travel(5.0) for _ in range(1000)]
     copies = [len(times_s) for times_s in arrivals]
     assert {0, 1, 2} == set(copies)
     assert 150 < copies.count(0) < 250
     assert all(5.0 <= time_s <= 5.05 for times_s in arrivals for time_s in times_s)
-    assert travel("rcopterx/lab/v1/pose", 10.5) == (10.5,)
+    assert travel(10.5) == (10.5,)
