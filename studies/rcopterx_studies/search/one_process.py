@@ -50,20 +50,6 @@ from rcopterx.vicon_gateway.process import TrackerGateway
 from rcopterx_studies.search.turns import Process, Turns
 
 
-class _Checkpoint(CheckpointService):
-    """Serves where it is made, in place of a thread of its own."""
-
-    def start(self) -> None:
-        self._serve()
-
-
-class _HostService(HostService):
-    """Serves where it is made, in place of a thread of its own."""
-
-    def start(self) -> None:
-        self._serve()
-
-
 class OneProcess:
     """The processes of a fleet in lockstep, by name in `turns`; `store` gets every message on its bus."""
 
@@ -106,8 +92,8 @@ class OneProcess:
                 with Session(bus_address(self._file, self._host)) as session:
                     session.tap(self._store)
                     turns.start(SIMULATOR)
-                    while not self._done:
-                        turns.resume(SIMULATOR)
+                    while not self._done and turns.resume(SIMULATOR):
+                        pass
         finally:
             remove_page(turns.page)
             remove_states(self._file.vehicles, self._directory)
@@ -180,7 +166,7 @@ class OneProcess:
 
     def _keep_intents(self) -> None:
         children = self._supervisor.children
-        _Checkpoint(
+        CheckpointService(
             bus_address(self._file, self._host),
             list(self._file.vehicles),
             lambda vehicle: children[agent_process(vehicle)].quick_deaths,
@@ -188,7 +174,7 @@ class OneProcess:
         )
 
     def _serve_host(self) -> None:
-        _HostService(
+        HostService(
             bus_address(self._file, self._host),
             self._supervisor,
             HostCapacity(self._supervisor, None),

@@ -16,6 +16,7 @@ from rcopterx.bus.lockstep.page import ParticipantState, opened_page
 from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.bus.lockstep.scheduler import STEP_S, Scheduler
 from rcopterx.bus.processes import SIMULATOR
+from rcopterx.deploy.hosts.serving import Service
 from rcopterx_studies.search.memory_bus import MemoryBus
 
 Process = Callable[[], None]
@@ -89,11 +90,15 @@ class Turns:
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
-        """Let sessions that are opened meanwhile use the bus in memory, and take turns here."""
+        """Let sessions that are opened meanwhile use the bus in memory, and take turns here.
+
+        Services of the launcher serve in the process that makes them, in place of threads of their own.
+        """
         try:
             with (
                 patch.object(session, "opened", self.bus.open),
                 patch.object(scheduler, "participant_of", self._participant_of),
+                patch.object(Service, "start", Service._serve),
             ):
                 yield
         finally:

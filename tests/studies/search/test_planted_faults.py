@@ -59,8 +59,13 @@ def flight_forgotten() -> AbstractContextManager[Any]:
 
 
 def older_epoch() -> AbstractContextManager[Any]:
-    """A Vicon gateway that is replaced in flight does not begin a newer epoch."""
-    return patch.object(EpochCounter, "leave_behind", lambda *_: None)
+    """A Vicon gateway that is replaced after the clock was set back begins an older epoch."""
+    stamp = EpochCounter.stamp
+    return patch.multiple(
+        EpochCounter,
+        leave_behind=lambda *_: None,
+        stamp=lambda self, frame, wall_s: stamp(self, frame, 1e4 - wall_s),
+    )
 
 
 def no_second_lease() -> AbstractContextManager[Any]:
