@@ -303,6 +303,13 @@ class Agent:
         self.tuning.wait()
         self._requests.trajectories.wait()
 
+    def turn(self, session: Session) -> None:
+        """Wait for a message or a deadline, and do what is due."""
+        now_s = session.clock()
+        rest_s = max(0.0, self.rest_until_s - now_s)
+        session.wait(min(self.next_s() - now_s, rest_s + LONGEST_WAIT_S), rest_s=rest_s)
+        self.step()
+
     @property
     def rest_until_s(self) -> float:
         """Until when messages can wait, because control periods are left out [monotonic s]."""
@@ -338,9 +345,6 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         prepare_loop()
         while not (signals or agent.lost):
             heartbeat.beat(pilot.guidance.rotor_on)
-            now_s = session.clock()
-            rest_s = max(0.0, agent.rest_until_s - now_s)
-            session.wait(min(agent.next_s() - now_s, rest_s + LONGEST_WAIT_S), rest_s=rest_s)
-            agent.step()
+            agent.turn(session)
         heartbeat.ending()
         return agent.lost

@@ -34,7 +34,6 @@ COMMANDS: Final = {
 """Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""
 WORDS: Final = {
     ("fly", "--faults"): "faults",
-    ("fly", "chaos"): "chaos",
     ("import", "skybrush"): "import-skybrush",
 }
 """Commands of `rcopterx-studies` by a command of the product and a word after it."""

@@ -15,8 +15,8 @@ from rcopterx.user_text import described
 
 GROUP: Final = "rcopterx.commands"
 STUDIES: Final = (
-    "amplification", "arena", "bench", "chaos", "experiment", "faults", "import-skybrush", "inject",
-    "new-plugin", "replay-tracker",
+    "amplification", "arena", "bench", "experiment", "faults", "import-skybrush", "inject",
+    "new-plugin", "replay-tracker", "search",
 )  # fmt: skip
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 

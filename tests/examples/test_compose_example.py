@@ -15,12 +15,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from support.namespaces import network_or_skip
+from support.namespaces import NetworkNamespaces, network_or_skip
 from support.waiting import wait_for
 
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.fleet.reading import load_fleet
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_hosts"
 COMPOSE = (EXAMPLE / "compose.yaml").read_text(encoding="utf-8")

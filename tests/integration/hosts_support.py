@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import pytest
 from integration_support import Flying, fleet_text
-from support.namespaces import network_or_skip
+from support.namespaces import NetworkNamespaces, network_or_skip
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode
@@ -27,7 +27,6 @@ from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 from rcopterx_studies.faults.flight_promises import NEEDED
 
 ROUTER_PORT = 7447

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hosts_support import NEAR_S, Obeyed, kill_host, trio_in_flight
 from integration_support import NAMES, Flying, Truth
+from support.namespaces import NetworkNamespaces
 from typer.testing import CliRunner
 
 from rcopterx.agents.takeover import WARM_S
 from rcopterx.command_line import app
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(300)]
 

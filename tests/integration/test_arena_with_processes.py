@@ -4,10 +4,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from support.arena_with_processes import fly_with_processes
 
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.arena.flying import arena_scheme, fly_task
-from rcopterx_studies.arena.real_processes import fly_with_processes
 from rcopterx_studies.arena.tasks import TASKS
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]

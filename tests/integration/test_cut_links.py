@@ -4,10 +4,9 @@ import time
 
 import pytest
 from support.bad_links import reset, slow
+from support.cut_links import linked_hosts, measured_cut
 from support.namespaces import network_or_skip
 from support.waiting import wait_for
-
-from rcopterx_studies.benchmarks.links import linked_hosts, measured_cut
 
 pytestmark = pytest.mark.integration
 
@@ -35,6 +34,7 @@ def test_a_link_that_was_cut_for_a_second_carries_both_directions_again() -> Non
 def test_links_heal_in_half_a_second_whatever_the_length_of_the_cut(cut_s: float) -> None:
     with linked_hosts() as (net, streams):
         rounds = [measured_cut(net, streams, cut_s) for _ in range(5)]
+    print(f"cut for {cut_s} s: {rounds}")
     for figures in rounds:
         for direction, row in figures.items():
             assert row["heal_ms"] is not None, direction

@@ -9,8 +9,7 @@ import pytest
 from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 from support.bad_links import reset, slow
-
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
+from support.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth, landed_gently
-
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
+from support.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

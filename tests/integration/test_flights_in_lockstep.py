@@ -8,10 +8,15 @@ from pathlib import Path
 import pytest
 from integration_support import fleet_text, free_port
 
+from rcopterx.bus.clock import NANO
+from rcopterx.bus.session import RawMessage
+from rcopterx.fleet.reading import at_speed, parse_fleet
 from rcopterx.flights.flights import flights_in
+from rcopterx.flights.mcap_writing import LoggedMessage
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
-from rcopterx_studies.replay.digest import FlightDigest, digest_of
+from rcopterx_studies.replay.digest import FlightDigest, digest_of, digest_of_messages
+from rcopterx_studies.search.one_process import in_one_process
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
 
@@ -76,8 +81,30 @@ def test_flights_of_one_seed_are_identical(flown: Callable[..., FlightDigest]) -
     assert flown(formation) == flown(formation)
 
 
-def test_flights_with_faults_at_stated_times_are_identical(flown: Callable[..., FlightDigest]) -> None:
-    assert flown(faults, without=["h3"]) == flown(faults, without=["h3"])
+def in_this_process(flight: Callable[[Fleet], None], without: Collection[str] = ()) -> FlightDigest:
+    file = parse_fleet(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+    messages: list[LoggedMessage] = []
+
+    def store(message: RawMessage) -> None:
+        topic = f"{message.unit}/{message.topic}"
+        time_ns = round(message.arrived_s * NANO)
+        messages.append(LoggedMessage(topic, message.payload, time_ns, message.number))
+
+    def script(fleet: Fleet) -> None:
+        fleet.wait_ready()
+        flight(fleet)
+        fleet.land()
+
+    with in_one_process(at_speed(file, None, lockstep=True), store, without) as process:
+        process.run(script)
+    assert not process.turns.failures
+    return digest_of_messages(messages)
+
+
+def test_flights_of_processes_and_in_one_process_are_identical_also_with_faults(
+    flown: Callable[..., FlightDigest],
+) -> None:
+    assert flown(faults, without=["h3"]) == in_this_process(faults, without=["h3"])
 
 
 def router_killed(fleet: Fleet) -> None:

@@ -109,13 +109,3 @@ def test_crazyflies_keep_the_promises_about_agents_transmitter_gateway_and_radio
     path.write_text(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
     done = run_up(path, environment, "faults", *OF_CRAZYFLIES, "--report", str(tmp_path / "out"))
     assert_promises_kept(OF_CRAZYFLIES, tmp_path / "out", done)
-
-
-@pytest.mark.campaign
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("seed", range(3))
-def test_no_vehicle_comes_down_in_chaos(path: Path, seed: int, environment: dict[str, str]) -> None:
-    done = run_up(
-        path, environment, "chaos", "--seconds", "180", "--seed", str(seed), "--json", "--no-record"
-    )
-    assert json.loads(done.stdout)["verdict"] == "passed", done.stderr

@@ -14,7 +14,7 @@ import pytest
 import tomlkit
 from hosts_support import ROUTER_PORT, TRACKER_PORT, daemon
 from scipy.spatial.distance import pdist
-from support.namespaces import network_or_skip
+from support.namespaces import NetworkNamespaces, network_or_skip
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
@@ -25,7 +25,6 @@ from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.state import Array
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hundred.py"
 hundred = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))

@@ -11,6 +11,7 @@ import pytest
 from hosts_support import Obeyed, environment_of, run_directory_of, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 from msgspec.structs import replace
+from support.namespaces import NetworkNamespaces
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel, key, request_key
@@ -24,7 +25,6 @@ from rcopterx.deploy.certificates.files import credentials, directory_of
 from rcopterx.deploy.certificates.issuing import issue, read_authority
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
 from rcopterx.deploy.processes.log_reading import ProcessLogs
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rcopterx_studies.benchmarks.namespaces import NETWORK, NetworkNamespaces
+from support.namespaces import NETWORK, NetworkNamespaces
 
 CABLE = Path(__file__).with_name("cable.py")
 

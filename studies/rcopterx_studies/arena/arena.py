@@ -10,7 +10,6 @@ from typing import Any, Final
 
 from rcopterx.control.plugins import flying
 from rcopterx_studies.arena.flying import TIMES, FlownTask, arena_scheme, figures, fly_task
-from rcopterx_studies.arena.real_processes import fly_with_processes
 from rcopterx_studies.arena.tasks import TASKS, quick
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options
 
@@ -21,15 +20,14 @@ DEFAULT_SCHEMES: Final = (
 )  # fmt: skip
 
 
-def arena(schemes: Sequence[str], tasks: Sequence[str], processes: bool = False) -> Experiment[FlownTask]:
-    """The experiment for schemes and tasks by name, in the rig or with all `processes` of a fleet."""
-    fly = fly_with_processes if processes else fly_task
+def arena(schemes: Sequence[str], tasks: Sequence[str]) -> Experiment[FlownTask]:
+    """The experiment for schemes and tasks by name."""
 
     def cases(options: Options) -> Cases[FlownTask]:
         chosen = [TASKS[name] for name in tasks]
         chosen = [quick(task) for task in chosen] if options.quick else chosen
         return {
-            f"{task.name} / {name}": partial(fly, arena_scheme(name), task)
+            f"{task.name} / {name}": partial(fly_task, arena_scheme(name), task)
             for task in chosen
             for name in schemes
         }

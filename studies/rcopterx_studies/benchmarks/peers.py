@@ -11,7 +11,7 @@ from scipy import sparse
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import rated
 from rcopterx.control.solver.osqp import SparseQP
-from rcopterx.control.solver.problem import OptimalControlProblem, Solution, Trajectories
+from rcopterx.control.solver.problem import OptimalControlProblem, Solution
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6  # looser ones leave inputs a hundredth of their range from the solution
@@ -22,14 +22,15 @@ class PeerSolver(ABC):
     """A `rcopterx.control.solver.problem.Solver` of another library."""
 
     package: ClassVar[str]  # what must be installed
+    _qp: SparseQP | None = None
 
     def __init__(self, tolerance: float = TOLERANCE) -> None:
         self._tolerance = tolerance
         self._module: Any = import_module(self.package)
 
-    @abstractmethod
     def reset(self) -> None:
         """Start the next solve cold."""
+        self._qp = None
 
     def solve(
         self,
@@ -37,37 +38,20 @@ class PeerSolver(ABC):
         same_cost: bool = False,  # noqa: ARG002 - numbers are updated in any case
         expired: Callable[[], bool] = never,  # noqa: ARG002 - a benchmark waits for every solver
     ) -> Solution:
-        """Solve a problem."""
-        plan, iterations, optimal = self._solved(p)
-        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
-
-    @abstractmethod
-    def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:
-        """Return the plan, iterations, and whether the tolerance is met."""
-
-
-class SparseSolver(PeerSolver):
-    """A peer that solves the sparse form of the problem."""
-
-    _qp: SparseQP | None = None
-
-    def reset(self) -> None:
-        """Start the next solve cold."""
-        self._qp = None
-
-    def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:
+        """Solve a problem in its sparse form."""
         first = self._qp is None or not self._qp.fits(p)
         qp = SparseQP(p) if self._qp is None or first else self._qp
         self._qp = qp
         z, iterations, optimal = self._run(qp, p, first)
-        return qp.plan_of(z, p), iterations, optimal
+        plan = qp.plan_of(z, p)
+        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
 
     @abstractmethod
     def _run(self, qp: SparseQP, p: OptimalControlProblem, first: bool) -> tuple[Array, int, bool]:
         """Return variables, iterations, and whether the tolerance is met."""
 
 
-class PiqpSparse(SparseSolver):
+class PiqpSparse(PeerSolver):
     """PIQP, a proximal interior-point method."""
 
     package = "piqp"
@@ -97,7 +81,7 @@ class PiqpMultistage(PiqpSparse):
     backend = "sparse_multistage"
 
 
-class Clarabel(SparseSolver):
+class Clarabel(PeerSolver):
     """Clarabel, an interior-point method for cones."""
 
     package = "clarabel"
@@ -119,7 +103,7 @@ class Clarabel(SparseSolver):
         return np.array(result.x), int(result.iterations), bool(solved)
 
 
-class Proxqp(SparseSolver):
+class Proxqp(PeerSolver):
     """ProxQP, a proximal augmented Lagrangian method, warm-started by its last solution."""
 
     package = "proxsuite"

@@ -28,7 +28,6 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
 from rcopterx_studies.baselines.paper import PaperController, PaperSettings
 from rcopterx_studies.benchmarks.flight import Moment, record_flight
-from rcopterx_studies.benchmarks.hpipm import Hpipm
 from rcopterx_studies.benchmarks.peers import EXACT, Clarabel, PeerSolver, PiqpMultistage, PiqpSparse, Proxqp
 from rcopterx_studies.benchmarks.processes import Show
 
@@ -83,7 +82,6 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
         "piqp_multistage": _peer(PiqpMultistage),
         "clarabel": _peer(Clarabel),
         "proxqp": _peer(Proxqp),
-        "hpipm": _peer(Hpipm),
     }
 )
 """`cascade` is the default; peers solve its three problems, `paper` and `osqp_paper` the one of the paper."""

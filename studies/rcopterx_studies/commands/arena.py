@@ -40,21 +40,16 @@ def arena(
     ] = "helicopters",
     processes: ProcessesOption = 1,
     resume: ResumeOption = None,
-    up: Annotated[
-        bool,
-        typer.Option("--up", help="Fly with all processes of a fleet, in lockstep; one flight at a time."),
-    ] = False,
     quick: QuickOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List schemes and tasks.")] = False,
 ) -> None:
-    """Fly schemes of distributed control on the same tasks, and compare them; without --up in one process."""
+    """Fly schemes of distributed control on the same tasks, and compare them."""
     from rcopterx.control.plugins import SettingsError
     from rcopterx.simulator.conditions import PRESETS
     from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
     from rcopterx_studies.arena.flying import arena_schemes
     from rcopterx_studies.arena.page import write_arena
     from rcopterx_studies.arena.ratios import error_ratios
-    from rcopterx_studies.arena.real_processes import FLOWN
     from rcopterx_studies.arena.tasks import TASKS
     from rcopterx_studies.experiments.runner import Options
 
@@ -66,16 +61,15 @@ def arena(
     chosen = (
         DEFAULT_SCHEMES if schemes is None else known_names(schemes, arena_schemes(), "scheme", "--schemes")
     )
-    possible = {name: task for name, task in TASKS.items() if not up or task.options in FLOWN}
-    flown = tuple(possible) if tasks is None else known_names(tasks, possible, "task", "--tasks")
+    flown = tuple(TASKS) if tasks is None else known_names(tasks, TASKS, "task", "--tasks")
     check_known([conditions], PRESETS, "preset", "--conditions")
     numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
     packages = foreign_digests(chosen)
-    context = {"conditions": conditions, "quick": quick, "up": up, "packages": packages}
+    context = {"conditions": conditions, "quick": quick, "packages": packages}
     try:
         with kept_flights(resume, context) as kept:
-            options = Options(numbers, quick, 1 if up else processes, conditions, kept)
-            result = arena(chosen, flown, up).fly(options, progress.show_share)
+            options = Options(numbers, quick, processes, conditions, kept)
+            result = arena(chosen, flown).fly(options, progress.show_share)
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
     ratios = error_ratios(result.flown, flown, chosen)

@@ -1,13 +1,12 @@
 """Measuring speed, side by side with peers: `bench`."""
 
-import math
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure
+from rcopterx.commands.fleet_option import SpeedOption, failure
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
 from rcopterx_studies.commands.options import different_numbers, known_names
 
@@ -17,7 +16,6 @@ RoundsOption = Annotated[int, typer.Option(metavar="N", min=1, help="Measurement
 SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
 HorizonOption = Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")]
 
-CUTS_S = (0.1, 0.3, 1.0, 3.0)
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
 
@@ -52,17 +50,6 @@ def _solver_lines(document: dict[str, Any]) -> str:
     if document["missing"]:
         lines.append(f"not installed: {', '.join(document['missing'])}")
     return "\n".join(lines)
-
-
-@app.command()
-def restart(
-    as_json: JsonOption = False, rounds: RoundsOption = 5, fleet: FleetOption = DEFAULT_FLEET
-) -> None:
-    """Kill agents, router and Vicon gateway in flight, and time how soon the vehicles are flown again."""
-    from rcopterx.fleet.reading import fleet_path
-    from rcopterx_studies.benchmarks.restart import run
-
-    print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)
 
 
 @app.command()
@@ -111,33 +98,3 @@ def cost(
     print_document(document, as_json, lambda found: "\n".join(table(found)))
     if document["failed"]:
         raise failure(*(f"{name}: {problem}" for name, problem in document["failed"].items()))
-
-
-@app.command()
-def links(as_json: JsonOption = False, rounds: RoundsOption = 5) -> None:
-    """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
-    from rcopterx_studies.benchmarks.links import run
-
-    document = run(CUTS_S, rounds, Progress("bench links").say)
-    print_document(document, as_json, _link_lines)
-
-
-def _link_lines(document: dict[str, Any]) -> str:
-    lines = [f"{'cut [s]':>8}  {'direction':10}{'heal [ms]':>24}{'longest gap [ms]':>18}{'stale':>7}"]
-    for cut, done in document["cuts"].items():
-        for direction in done[0]:
-            rows = [each[direction] for each in done]
-            heals = sorted(math.inf if row["heal_ms"] is None else row["heal_ms"] for row in rows)
-            lines.append(
-                f"{cut:>8}  {direction:10}{f'{heals[len(heals) // 2]:.0f}, at most {heals[-1]:.0f}':>24}"
-                f"{max(row['gap_ms'] for row in rows):>18.0f}{max(row['stale'] for row in rows):>7}"
-            )
-    return "\n".join(lines)
-
-
-@app.command()
-def hosts(as_json: JsonOption = False, rounds: RoundsOption = 2, seconds: SecondsOption = 20.0) -> None:
-    """Time pose to command over four hosts with mutual TLS, against one host without. Needs root."""
-    from rcopterx_studies.benchmarks.hosts import run
-
-    print_document(run(rounds, seconds, Progress("bench hosts").say), as_json)

@@ -138,7 +138,6 @@ class FaultFlight:
     limits: PromisedLimits | None = None  # None for those of the promise
     # name and title of the row of the page that shows the worst of all flights that have it
     page_row: tuple[str, str] | None = None
-    chaos: bool = False  # whether it may happen at any time in `rcopterx chaos`
     # the vehicles stand on the floor when the fault begins, and get a command to take off then
     on_floor: bool = False
     take_off: TakeOff | None = None  # of one vehicle, while the others stand

@@ -65,9 +65,9 @@ FAULTY_AXIS: Final = PromisedLimits(deviation_mm=None, drift_mm=8000.0, touchdow
 """A vehicle that drifts because a stick does not respond, and comes down gently."""
 
 
-def _survived(name: str, title: str, *faults: Injector, chaos: bool = True) -> FaultFlight:
-    """A fault that vehicles survive, with `chaos` at any time."""
-    return FaultFlight(name, title, faults, chaos=chaos)
+def _survived(name: str, title: str, *faults: Injector) -> FaultFlight:
+    """A fault that vehicles survive."""
+    return FaultFlight(name, title, faults)
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
@@ -79,20 +79,16 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
                 f"{what}-stopped-{seconds:g}-s",
                 f"SIGSTOP of {process} for {seconds:g} s",
                 Stopped(process, seconds),
-                chaos=seconds <= 2.0,
             )
             for seconds in (0.1, 0.5, 2.0, 30.0)
         ),
-        _survived(
-            f"{what}-spins", f"The loop of {process} spins", Spinning(process), chaos=what != "recorder"
-        ),
+        _survived(f"{what}-spins", f"The loop of {process} spins", Spinning(process)),
         _survived(f"{what}-starved", f"{process} gets no processor for 0.3 s", Starved(process)),
         _slow(what, process),
         _survived(
             f"{what}-dies-at-start",
             f"SIGKILL of {process}, and of its successor as soon as it is there",
             DiesAtStart(process),
-            chaos=False,
         ),
     )
 
@@ -143,7 +139,6 @@ PAIR_ROWS: Final = tuple(
         (Pair(fault(PROCESSES[first]), fault(PROCESSES[second]), apart_s),),
         limits=PAIR,
         page_row=(f"pair-{kind}-*", f"Every process, and every process 0 to 200 ms later: {what}"),
-        chaos=True,
     )
     for kind, (what, fault) in PAIRS.items()
     for number, (first, second) in enumerate(product(PROCESSES, repeat=2))

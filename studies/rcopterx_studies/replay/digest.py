@@ -2,11 +2,13 @@
 
 import hashlib
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.bus.channels import ANSWERED, APPLIED, COMMAND, LABORATORY, PLAN, POSE
 from rcopterx.flights.mcap_reading import messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage
 
 DIGESTED: Final = (POSE, PLAN, COMMAND, APPLIED, LABORATORY)  # without process ids and times of a computer
 
@@ -19,16 +21,20 @@ class FlightDigest(NamedTuple):
 
 
 def digest_of(parts: Iterable[Path]) -> FlightDigest:
-    """Return the digest of `DIGESTED` until the last answered request; raises `FlightLogError`."""
+    """Return the digest of a flight log; raises `FlightLogError`."""
+    return digest_of_messages(chain.from_iterable(map(messages_of, parts)))
+
+
+def digest_of_messages(messages: Iterable[LoggedMessage]) -> FlightDigest:
+    """Return the digest of `DIGESTED` until the last answered request."""
     topics = {channel.topic for channel in DIGESTED}
     kept, end_ns = [], 0
-    for part in parts:
-        for message in messages_of(part):
-            topic = message.topic.rpartition("/")[2]
-            if topic == ANSWERED.topic:
-                end_ns = max(end_ns, message.time_ns)
-            elif topic in topics:
-                kept.append(message)
+    for message in messages:
+        topic = message.topic.rpartition("/")[2]
+        if topic == ANSWERED.topic:
+            end_ns = max(end_ns, message.time_ns)
+        elif topic in topics:
+            kept.append(message)
     found = hashlib.sha256()
     counted = 0
     for message in sorted(kept, key=lambda message: (message.topic, message.time_ns, message.number)):

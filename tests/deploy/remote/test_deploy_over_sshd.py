@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
-from support.namespaces import network_or_skip
+from support.namespaces import NetworkNamespaces, network_or_skip
 from support.waiting import wait_for
 
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

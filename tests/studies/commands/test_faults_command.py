@@ -1,4 +1,4 @@
-"""`faults` lists its table; `faults`, `chaos` and `fly` refuse what cannot be flown."""
+"""`faults` lists its table; `faults` and `fly` refuse what cannot be flown."""
 
 from pathlib import Path
 
@@ -28,7 +28,6 @@ def test_the_list_names_every_fault_with_its_promise() -> None:
     [
         (("faults", "earthquake"), "unknown fault flight 'earthquake'"),
         (("faults", "--speed", "0.5"), "a running fleet keeps its speed; add --up"),
-        (("chaos", "--speed", "0.5"), "a running fleet keeps its speed; add --up"),
         (("fly",), "name a manoeuvre, or say --all"),
         (("fly", "--all", "hover"), "either names of manoeuvres or --all"),
         (("fly", "hover", "router-killed"), "unknown manoeuvre 'router-killed'"),

@@ -26,12 +26,10 @@ from rcopterx_studies.arena.tasks import ArenaTask
 from rcopterx_studies.experiments.events import FlyEvent, FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.knowledge import COAXIAL
 from rcopterx_studies.experiments.record import FlightRecord, VehicleRecord, station_of
-from rcopterx_studies.experiments.rig import PERIOD_S, Progress, RigOptions
+from rcopterx_studies.experiments.rig import PERIOD_S, Progress
 from rcopterx_studies.experiments.schemes import FlownScheme
 
 RECORDED: Final = (channels.LABORATORY, channels.PLAN, channels.SCHEME, channels.AGENT_STATUS)
-FLOWN: Final = (RigOptions(), RigOptions(avoid=True))
-"""Options of tasks that processes can fly: losses, delays and failures of agents are those of the rig."""
 STEADY_S: Final = 3.0  # from the formation at the start to the beginning of the task
 
 

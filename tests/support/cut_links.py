@@ -1,13 +1,12 @@
 """Time until two linked hosts exchange data again after their link was cut and restored."""
 
 import json
-import os
 import signal
 import struct
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import pairwise
@@ -21,8 +20,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.processes.forking import child_environment
-from rcopterx_studies.benchmarks.namespaces import NetworkNamespaces, network
-from rcopterx_studies.benchmarks.processes import Show
+from support.namespaces import NetworkNamespaces, network
 
 HOSTS: Final = ("a", "b")
 FLEET: Final = "bench"
@@ -86,19 +84,6 @@ class CommandStream:
             "gap_ms": 1e3 * max(gaps, default=0.0),
             "stale": sum(at - sent > STALE_S for at, sent in self.arrivals if at > cut_s),
         }
-
-
-def run(cuts_s: Sequence[float], rounds: int, show: Show) -> dict[str, Any]:
-    """Cut the link between two hosts, `rounds` times for each duration, and measure both directions.
-
-    Returns `cuts`: of each duration rounds with `CommandStream.figures`. Raises `NetworkUnavailableError`.
-    """
-    document: dict[str, Any] = {"rounds": rounds, "load_before": os.getloadavg()[0], "cuts": {}}
-    with linked_hosts() as (net, streams):
-        for cut_s in cuts_s:
-            document["cuts"][f"{cut_s:g}"] = [measured_cut(net, streams, cut_s) for _ in range(rounds)]
-            show(f"{cut_s:g} s done")
-    return document
 
 
 def measured_cut(net: NetworkNamespaces, streams: dict[str, CommandStream], cut_s: float) -> dict[str, Any]:

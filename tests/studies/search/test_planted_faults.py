@@ -1,0 +1,107 @@
+"""The search finds faults that are planted in the product, and nothing in the product as it is."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import pytest
+
+from rcopterx.transmitter_gateway import radios, transitions
+from rcopterx.transmitter_gateway.command_validator import Leases
+from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.state_page import NOT_FLYING, StatePage, page_of_process
+from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition, Transition
+from rcopterx.vicon_gateway.frame import EpochCounter
+from rcopterx_studies.search.flights import drawn_flight
+from rcopterx_studies.search.flying import Flown, fly
+
+pytestmark = pytest.mark.timeout(600)
+Planted = Callable[[], AbstractContextManager[Any]]
+
+
+def flown(seed: int) -> Flown:
+    return fly(drawn_flight(seed, vehicles=[1]))
+
+
+def with_rows(change: Callable[[Transition], Transition | None]) -> AbstractContextManager[Any]:
+    rows = tuple(changed for row in TRANSITIONS if (changed := change(row)) is not None)
+    return patch.object(transitions, "TRANSITIONS", rows)
+
+
+def disarmed_in_the_air() -> AbstractContextManager[Any]:
+    """A request to disarm counts although the vehicle is seen in the air."""
+    asked = {Condition.DISARM, Condition.SEEN}
+    return with_rows(lambda row: replace(row, unless=frozenset()) if row.needs == asked else row)
+
+
+def kill_ignored() -> AbstractContextManager[Any]:
+    """The arbiter has no row for a kill."""
+    return with_rows(lambda row: None if row.target is State.KILLED else row)
+
+
+def never_armed_again() -> AbstractContextManager[Any]:
+    """After commands were late a vehicle lands, although they are fresh again."""
+    return with_rows(lambda row: None if row.reason == "commands fresh again" else row)
+
+
+def flight_forgotten() -> AbstractContextManager[Any]:
+    """A transmitter gateway that is replaced in flight begins as if the vehicle stood."""
+
+    def forgetful(_: Path) -> StatePage:
+        page = page_of_process()
+        page.save(NOT_FLYING)
+        return page
+
+    return patch.object(radios, "_page", forgetful)
+
+
+def older_epoch() -> AbstractContextManager[Any]:
+    """A Vicon gateway that is replaced after the clock was set back begins an older epoch."""
+    stamp = EpochCounter.stamp
+    return patch.multiple(
+        EpochCounter,
+        leave_behind=lambda *_: None,
+        stamp=lambda self, frame, wall_s: stamp(self, frame, 1e4 - wall_s),
+    )
+
+
+def no_second_lease() -> AbstractContextManager[Any]:
+    """The agent that replaces another one gets no lease."""
+    bid = Leases.bid
+
+    def first_only(self: Leases, agent: int, now_s: float, **how: bool) -> int:
+        others = self.issued and agent not in self._of_agents
+        return 0 if others else bid(self, agent, now_s, **how)
+
+    return patch.object(Leases, "bid", first_only)
+
+
+@pytest.mark.parametrize(
+    ("planted", "seed", "promise"),
+    [
+        (disarmed_in_the_air, 157, "touchdown"),
+        (kill_ignored, 179, "kill"),
+        (flight_forgotten, 14, "touchdown"),
+        (never_armed_again, 526, "flies on"),
+        (older_epoch, 354, "flies on"),
+        (no_second_lease, 277, "flies on"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_planted_fault_is_found(planted: Planted, seed: int, promise: str) -> None:
+    with planted():
+        assert promise in [finding.promise for finding in flown(seed).findings]
+    assert flown(seed).findings == []
+
+
+def test_a_process_that_ends_with_an_exception_is_found_and_replaced() -> None:
+    with patch.object(EpochCounter, "stamp", side_effect=ArithmeticError("planted")):
+        findings = flown(354).findings
+    assert [finding.promise for finding in findings] == ["exception"]
+
+
+def test_a_flight_has_the_same_bits_again() -> None:
+    assert flown(277).digest == flown(277).digest

@@ -1,0 +1,24 @@
+"""The first flights of the search, and those that once broke a promise, keep all promises."""
+
+from pathlib import Path
+
+import pytest
+
+from rcopterx_studies.search.flights import drawn_flight, read_flight
+from rcopterx_studies.search.flying import fly
+
+pytestmark = pytest.mark.timeout(600)
+FOUND = sorted((Path(__file__).parents[2] / "found").glob("*.json"))
+FIRST = 5  # of the twenty that are flown, in every run of the tests
+
+
+@pytest.mark.parametrize(
+    "seed", [*range(FIRST), *(pytest.param(seed, marks=pytest.mark.campaign) for seed in range(FIRST, 20))]
+)
+def test_the_first_flights_keep_all_promises(seed: int) -> None:
+    assert fly(drawn_flight(seed, vehicles=[1])).findings == []
+
+
+@pytest.mark.parametrize("path", FOUND, ids=lambda path: path.stem)
+def test_a_flight_that_was_found_keeps_all_promises(path: Path) -> None:
+    assert fly(read_flight(path)).findings == []
