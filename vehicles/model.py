@@ -300,17 +300,9 @@ class Model:
 
 
 FITTED: Final = (
-    "input_gain",
-    "gravity_m_s2",
-    "damping",
-    "lag_s",
-    "delay_s",
-    "hover_thrust",
-    "thrust_coupling",
-    "tilt",
-    "uncertainty",
-    "gust_density",
-)
+    "input_gain", "gravity_m_s2", "damping", "lag_s", "delay_s", "hover_thrust", "thrust_coupling", "tilt",
+    "uncertainty", "gust_density",
+)  # fmt: skip
 """Parameters that an identification finds."""
 
 DIGITS: Final = 4  # significant ones of identified parameters, as they are written and sent

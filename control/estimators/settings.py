@@ -59,9 +59,8 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     model's uncertainty."""
 
 
-LOST_THRUST: Final = (
-    0.7  # downward disturbance over gravity of a thrust that hovers at 1 / (1 - 0.4) of its stick
-)
+# Downward disturbance over gravity of a thrust that hovers at 1 / (1 - 0.4) of its stick.
+LOST_THRUST: Final = 0.7
 
 
 ROOM_DENSITY: Final = 2.0 * CALM  # at most, of gusts by the wakes of others

@@ -86,11 +86,8 @@ class PageSteering:
         """Leave KILLED, for all vehicles that are killed."""
         killed = [vehicle for vehicle in self._fleet if vehicle.state.transmitter_state == "killed"]
         names = ", ".join(vehicle.name for vehicle in killed)
-        self.run(
-            "reset",
-            lambda: list(map(Vehicle.reset, killed)),
-            f"reset: {names}" if killed else "no vehicle is killed",
-        )
+        done = f"reset: {names}" if killed else "no vehicle is killed"
+        self.run("reset", lambda: list(map(Vehicle.reset, killed)), done)
 
     def go_to(self, name: Name, place_m: Place, yaw_rad: float) -> None:
         """Send a vehicle to a set point."""
