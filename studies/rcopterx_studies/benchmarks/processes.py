@@ -1,45 +1,32 @@
-"""Processes that a process has started, and their memory and processor time (proc(5))."""
+"""Processes that a process has started, and their memory and processor time."""
 
-import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 Show = Callable[[str], None]  # shows a line about the progress of a benchmark
 
 
-def descendants(process: int, proc: Path = Path("/proc")) -> list[int]:
-    """Processes that a process has started, directly or not (proc(5), field 4 of stat)."""
-    children: dict[int, list[int]] = {}
-    for entry in proc.glob("[0-9]*"):
-        try:
-            parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-        except (OSError, ValueError, IndexError):
-            continue
-        children.setdefault(parent, []).append(int(entry.name))
-    found, waiting = [], [process]
-    while waiting:
-        started = children.get(waiting.pop(), [])
-        found += started
-        waiting += started
-    return found
+def descendants(process: int) -> list[int]:
+    """Processes that a process has started, directly or not."""
+    return [child.pid for child in psutil.Process(process).children(recursive=True)]
 
 
-def memory_of(processes: Sequence[int], proc: Path = Path("/proc")) -> float:
+def memory_of(processes: Sequence[int]) -> float:
     """Memory of processes together, shared pages counted once (PSS) [MB]; one that has ended has none."""
-    total_kb = 0
+    total = 0
     for process in processes:
-        try:
-            text = (proc / str(process) / "smaps_rollup").read_text()
-        except OSError:
-            continue
-        total_kb += sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
-    return total_kb / 1000
+        with suppress(psutil.NoSuchProcess):
+            total += psutil.Process(process).memory_full_info().pss
+    return total / 1e6
 
 
 def cpu_s(pid: int) -> float:
-    """Processor time of a process [s] (proc(5), fields 14 and 15 of stat)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """Processor time of a process [s]."""
+    times = psutil.Process(pid).cpu_times()
+    return float(times.user + times.system)
 
 
 def wake_ups(pid: int) -> int:
