@@ -34,6 +34,10 @@ COMPLAINTS_S, NEWS_S = 30.0, 4.0  # between two texts of ArduPilot about checks 
 FIRST_TEXT_S: Final = 1.0  # chosen
 POSITION_S: Final = {PX4: 5.0, ARDUPILOT: 7.0}  # without poses: `EKF2_NOAID_TOUT`, `posRetryTimeNoVel_ms`
 EKF_CHECK_S: Final = 1.0  # `EKF_CHECK_ITERATIONS_MAX`: from a lost position to the failsafe of ArduCopter
+BATTERY_LOW: Final = {
+    PX4: "Arming denied: battery low",
+    ARDUPILOT: "Arm: Battery 1 below minimum arming voltage",
+}
 NEEDS_POSITION: Final = 4  # GUIDED; attitude set points of PX4 need none
 CONSISTENT_S: Final = 20.0  # from its start, until ArduCopter finds its inertial sensors consistent
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
@@ -209,11 +213,7 @@ class EmulatedAutopilot(UdpVehicle):
         if self.terminated:
             return "Arming denied: flight terminated, restart it"
         if self.flown_s >= ENDURANCE_S:
-            return (
-                "Arm: Battery 1 below minimum arming voltage"
-                if self._ardupilot
-                else "Arming denied: battery low"
-            )
+            return BATTERY_LOW[self._obeying.autopilot]
         if self._ardupilot and self._advanced_s < self._booted_s + CONSISTENT_S:
             return "Arm: Accels inconsistent"
         if self.mode == NEEDS_POSITION and not self._located:
@@ -249,7 +249,8 @@ class EmulatedAutopilot(UdpVehicle):
 
     def _complain(self, refusal: str, now_s: float) -> None:
         """Say what the checks before arming find, sooner if it is new."""
-        self._news, self._refused = self._news or bool(refusal) > self._refused, bool(refusal)
+        self._news = self._news or (bool(refusal) and not self._refused)
+        self._refused = bool(refusal)
         if refusal and now_s >= self._complained_s + (NEWS_S if self._news else COMPLAINTS_S):
             self._complained_s, self._news = now_s, False
             self._said += _texts(refusal.replace("Arm:", "PreArm:"))
@@ -293,11 +294,8 @@ class EmulatedAutopilot(UdpVehicle):
         if self._obeys and now_s > self._received_s + lost_s:
             autopilot = self._obeying.autopilot
             self.mode, self._failed_s = (LANDING if self.armed else HOLDING)[autopilot], now_s
-        if (
-            self._ardupilot
-            and not self._strays
-            and self._posed_s + POSITION_S[ARDUPILOT] + EKF_CHECK_S < now_s
-        ):
+        strays_s = self._posed_s + POSITION_S[ARDUPILOT] + EKF_CHECK_S
+        if self._ardupilot and not self._strays and now_s > strays_s:
             self._stray(now_s)
         if self._lands and self._height_m <= FLYING_M:
             self.armed = False
