@@ -115,7 +115,8 @@ class Arbiter:
             elif accepted:
                 self.standing.observe(pose, now_s)
             if pose.position_m is not None and self.pose_monitor.newest is pose:
-                self.lift_off.own(SeenPose(pose.position_m, pose.tilt_rad), now_s)
+                seen = SeenPose(pose.position_m, pose.tilt_rad)
+                self.lift_off.own(seen, now_s, self.pose_monitor.captured_s)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
         """Take the state of port and module, and why it is not ready; it takes effect with the next step."""

@@ -64,6 +64,7 @@ class PoseMonitor:
         self._stood_at_m: float | None = None
         self.newest: PoseInput | None = None
         self.epoch_since_s = -math.inf  # since when the own poses have their epoch
+        self.captured_s = 0.0  # from the capture of the newest own pose but one to that of the newest
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool, share: float | None = None) -> bool:
         """Process a pose of the own vehicle; return whether it is accepted, as any is on the floor.
@@ -75,8 +76,8 @@ class PoseMonitor:
             return self._reject(rejection)
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
-        gap_s = _captured_since_s(pose, track.epoch, track.frame) or 0.0
-        track.undelivered_s = max(track.undelivered_s, min(gap_s, LONGEST_DRIFT_S))
+        self.captured_s = _captured_since_s(pose, track.epoch, track.frame) or 0.0
+        track.undelivered_s = max(track.undelivered_s, min(self.captured_s, LONGEST_DRIFT_S))
         waited_s = now_s - track.arrived_s
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         if self.newest is None or pose.epoch != self.newest.epoch:
