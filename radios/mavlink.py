@@ -71,18 +71,15 @@ class MavlinkProtocol(SetPointRadio):
             packets.append(self.probe())
         return b"".join(packets)
 
-    def _packed(self, message: Any) -> bytes:
-        return packed(self._mav, message)
-
     def probe(self) -> bytes:
         """Return a heartbeat; an autopilot answers to its sender."""
         kind, autopilot = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
         state, version = mavlink.MAV_STATE_ACTIVE, 3
-        return self._packed(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, state, version))
+        return packed(self._mav, mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, state, version))
 
     def _command(self, command: int, *parameters: float) -> bytes:
         values = [*parameters, *([0.0] * (7 - len(parameters)))]
-        return self._packed(mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
+        return packed(self._mav, mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
 
     def _set_point(self, point: AttitudeSetPoint) -> list[bytes]:
         if self._state.attitude_rad is None:
@@ -98,7 +95,7 @@ class MavlinkProtocol(SetPointRadio):
         message = mavlink.MAVLink_set_attitude_target_message(
             time_ms, *self._target, self._mode.ignored, list(rotation), *rates, point.thrust
         )
-        return [self._packed(message)]
+        return [packed(self._mav, message)]
 
     def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float, *, standing: bool) -> None:
         """See `RadioProtocol`; its roll and pitch are those that the autopilot reports."""
@@ -111,7 +108,7 @@ class MavlinkProtocol(SetPointRadio):
             return []
         (x, y, z, yaw_rad), self._pose = self._pose, None
         roll_rad, pitch_rad, _ = self._state.attitude_rad
-        return [self._packed(vision_pose(self._now_s, (x, y, z), (roll_rad, pitch_rad, -yaw_rad)))]
+        return [packed(self._mav, vision_pose(self._now_s, (x, y, z), (roll_rad, pitch_rad, -yaw_rad)))]
 
     def _kill(self) -> list[bytes]:
         packets = [self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCE)]
@@ -133,7 +130,7 @@ class MavlinkProtocol(SetPointRadio):
         if not self._armed and state.sees("ATTITUDE", self._now_s):
             for name in self._parameters.wanted():
                 request = mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
-                packets.append(self._packed(request))
+                packets.append(packed(self._mav, request))
         arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         if self._arming and state.armed and state.obeys:
             self._arming = False

@@ -92,7 +92,7 @@ class AutopilotState:
         self._texts, self._said = StatusTexts(), deque[tuple[float, str]](maxlen=4)
         self._mode_reason, self._mode_s, self._refused_s = "", -math.inf, -math.inf
         self.refused_since_s = math.inf
-        self._refuses_to_arm, self._failing = False, ""
+        self._refuses_to_arm, self._failing, self._passed_s = False, "", -math.inf
         self._autopilot = mode.autopilot
         self._claimed_s = self._heartbeat_s = -math.inf
         self._seen_s = dict.fromkeys(REPORTS, -math.inf)
@@ -120,7 +120,7 @@ class AutopilotState:
                 self.attitude_rad, self._seen_s["ATTITUDE"] = attitude_rad, now_s
             case "SYS_STATUS":
                 self._seen_s["SYS_STATUS"] = now_s
-                self._judge_health(message)
+                self._judge_health(message, now_s)
                 reported = message.voltage_battery != NO_VOLTAGE
                 self.voltage_v = 0.001 * message.voltage_battery if reported else None
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
@@ -156,7 +156,7 @@ class AutopilotState:
             if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and not arming:
                 self.refused_since_s = min(self.refused_since_s, now_s)
 
-    def _judge_health(self, message: Any) -> None:
+    def _judge_health(self, message: Any, now_s: float) -> None:
         """Note the result of the checks before arming.
 
         ArduPilot says whether they are enabled. PX4 does not, and reports those of its present mode: in
@@ -167,6 +167,7 @@ class AutopilotState:
         self._failing = " and ".join(name for sensor, name in COMPONENTS.items() if unhealthy & sensor)
         judged = self.obeys or self._failing if self._autopilot == PX4 else unhealthy & bit
         self._refuses_to_arm = bool(judged) and not health & bit
+        self._passed_s = now_s if health & bit else self._passed_s
 
     def arming_problem(self, now_s: float) -> str | None:
         """Why it would refuse to arm by its own checks; None if it would not."""
@@ -174,7 +175,7 @@ class AutopilotState:
             return "no SYS_STATUS from the autopilot, which has the result of its checks"
         if not self._refuses_to_arm:
             return None
-        reason = self._said_since(now_s - REPEATED_S) or self.complaint
+        reason = self._said_since(max(now_s - REPEATED_S, self._passed_s)) or self.complaint
         return f"the autopilot would refuse to arm: {reason or self._failing or 'its own checks fail'}"
 
     @property

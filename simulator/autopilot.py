@@ -1,7 +1,8 @@
 """Emulated autopilot between MAVLink and motors.
 
 Behaviour: documentation of PX4; landing detectors and answers as PX4 1.16.1 (`sihsim_quadx`) and ArduCopter
-4.8-dev (1b34668c) showed them in their own simulations.
+4.8-dev (1b34668c) showed them in their own simulations; what they do without a position: their sources
+(`ekf_check.cpp`, `AP_NavEKF3.h`, `AP_Arming.cpp`; `mode_requirements.cpp`).
 """
 
 import math
@@ -22,14 +23,22 @@ from rcopterx.simulator.vehicle_udp import UdpVehicle
 from rcopterx.vehicles.model import Model
 
 LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24  # modes of PX4 as reported
-HOLDING: Final = {PX4: LOITER, ARDUPILOT: 5}
+HOLDING: Final = {PX4: LOITER, ARDUPILOT: 0}  # `INITIAL_MODE`
 LANDING: Final = {PX4: LAND, ARDUPILOT: 9}
 SLOWEST_STREAM_S: Final = 0.5
 STREAM_BEFORE_S: Final = 1.0
 LOSS_S: Final = 1.0  # `COM_OF_LOSS_T`
 GCS_LOSS_S: Final = 2.0  # `FS_GCS_TIMEOUT`; until then ArduCopter hovers level
 PAUSE_S: Final = 4.0  # `LAND_WITH_DELAY_MS` of a landing by a failsafe
-COMPLAINTS_S: Final = 30.0  # between two texts of ArduPilot about checks that fail
+COMPLAINTS_S, NEWS_S = 30.0, 4.0  # between two texts of ArduPilot about checks that fail; that fail newly
+FIRST_TEXT_S: Final = 1.0  # chosen
+POSITION_S: Final = {PX4: 5.0, ARDUPILOT: 7.0}  # without poses: `EKF2_NOAID_TOUT`, `posRetryTimeNoVel_ms`
+EKF_CHECK_S: Final = 1.0  # `EKF_CHECK_ITERATIONS_MAX`: from a lost position to the failsafe of ArduCopter
+BATTERY_LOW: Final = {
+    PX4: "Arming denied: battery low",
+    ARDUPILOT: "Arm: Battery 1 below minimum arming voltage",
+}
+NEEDS_POSITION: Final = 4  # GUIDED; attitude set points of PX4 need none
 CONSISTENT_S: Final = 20.0  # from its start, until ArduCopter finds its inertial sensors consistent
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
 SINKING: Final = 0.95  # share of that thrust in a landing
@@ -61,7 +70,6 @@ class EmulatedAutopilot(UdpVehicle):
         self._settings = settings
         self._obeying = MODES[settings.mode]
         self._ardupilot = self._obeying.autopilot == ARDUPILOT
-        self._located = self._ardupilot or settings.external_pose or bool(settings.pose_port)
         self.rejected: Counter[str] = Counter()
         self.parameters = {
             "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
@@ -80,7 +88,10 @@ class EmulatedAutopilot(UdpVehicle):
         self.powered, self.armed, self.terminated = True, False, False
         self.mode = HOLDING[self._obeying.autopilot]
         self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
-        self.flown_s, self._booted_s, self._failed_s, self._complains_s = 0.0, now_s, -math.inf, now_s + 1.0
+        self.flown_s, self._booted_s, self._failed_s, self._posed_s = 0.0, now_s, -math.inf, -math.inf
+        self._complained_s, self._refused, self._news = now_s + FIRST_TEXT_S - NEWS_S, False, False
+        self._strays = True  # whether it has acted on a missing position; never before it has had one
+        self._said: list[Any] = []
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
         self._set_point, self._heading_rad, self._hover = AttitudeSetPoint(), 0.0, 0.5
         self._landed_s: float | None = -math.inf  # since when it stands with low throttle; None in flight
@@ -126,22 +137,18 @@ class EmulatedAutopilot(UdpVehicle):
             raise FrameDecodeError("mavlink: for another system")
         if kind == "SET_ATTITUDE_TARGET":
             self._take(packet, now_s)
+        if kind == "VISION_POSITION_ESTIMATE":
+            self._posed_s, self._strays = now_s, False
         if kind == "PARAM_REQUEST_READ" and packet.param_id in self.parameters:
             value, number = self.parameters[packet.param_id], len(self.parameters)
-            answer = mavlink.MAVLink_param_value_message(
-                packet.param_id.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, number, 0
-            )
-            return [packed(self._mav, answer)]
+            name, kind = packet.param_id.encode(), mavlink.MAV_PARAM_TYPE_REAL32
+            return [packed(self._mav, mavlink.MAVLink_param_value_message(name, value, kind, number, 0))]
         if kind != "COMMAND_LONG":
             return []
         result, refusal = self._command(packet, now_s)
-        answers = [
-            mavlink.MAVLink_command_ack_message(
-                packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
-            )
-        ]
-        answers[:0] = _texts(refusal)
-        return [packed(self._mav, message) for message in answers]
+        sender = packet.get_srcSystem(), packet.get_srcComponent()
+        answer = mavlink.MAVLink_command_ack_message(packet.command, result, 0, 0, *sender)
+        return [packed(self._mav, message) for message in (*_texts(refusal), answer)]
 
     def _take(self, packet: Any, now_s: float) -> None:
         point, heading_rad = set_point_of(packet)
@@ -206,13 +213,16 @@ class EmulatedAutopilot(UdpVehicle):
         if self.terminated:
             return "Arming denied: flight terminated, restart it"
         if self.flown_s >= ENDURANCE_S:
-            return "Arming denied: battery low"
+            return BATTERY_LOW[self._obeying.autopilot]
         if self._ardupilot and self._advanced_s < self._booted_s + CONSISTENT_S:
             return "Arm: Accels inconsistent"
+        if self.mode == NEEDS_POSITION and not self._located:
+            return "Arm: Need Position Estimate"
         if self._obeys:
             return "" if self._streams else "Arming denied: no offboard signal"
-        # Other modes of PX4 need a position.
-        return "" if self._located else "Arming denied: Resolve system health failures first\t"
+        # Other modes of PX4 need a position; that of ArduPilot after its start does not.
+        fit = self._ardupilot or self._located
+        return "" if fit else "Arming denied: Resolve system health failures first\t"
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
@@ -227,15 +237,23 @@ class EmulatedAutopilot(UdpVehicle):
 
     def reports(self, now_s: float) -> list[bytes]:
         """Return the reports that are due."""
-        due = [number for number, due_s in self._due_s.items() if self.powered and now_s >= due_s]
+        if not self.powered:
+            return []
+        due = [number for number, due_s in self._due_s.items() if now_s >= due_s]
         for number in due:
             self._due_s[number] = max(self._due_s[number] + self._periods_s[number], now_s)
-        messages = [self._report(number) for number in due]
-        complains = self.powered and self._ardupilot and not self.armed and now_s >= self._complains_s
-        if complains and (refusal := self._check()):
-            self._complains_s = now_s + COMPLAINTS_S
-            messages += _texts(refusal.replace("Arm:", "PreArm:"))
+        if self._ardupilot and not self.armed:
+            self._complain(self._check(), now_s)
+        messages, self._said = [*map(self._report, due), *self._said], []
         return [packed(self._mav, message) for message in messages]
+
+    def _complain(self, refusal: str, now_s: float) -> None:
+        """Say what the checks before arming find, sooner if it is new."""
+        self._news = self._news or (bool(refusal) and not self._refused)
+        self._refused = bool(refusal)
+        if refusal and now_s >= self._complained_s + (NEWS_S if self._news else COMPLAINTS_S):
+            self._complained_s, self._news = now_s, False
+            self._said += _texts(refusal.replace("Arm:", "PreArm:"))
 
     def _report(self, number: int) -> Any:
         if number == mavlink.MAVLINK_MSG_ID_ATTITUDE:
@@ -251,15 +269,10 @@ class EmulatedAutopilot(UdpVehicle):
             return mavlink.MAVLink_sys_status_message(
                 enabled, enabled, healthy, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
             )
-        flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
-        return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_QUADROTOR,
-            self._obeying.autopilot,
-            flags | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            self.mode,
-            mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY,
-            3,
-        )
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED * self.armed
+        state = mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY
+        kind, autopilot = mavlink.MAV_TYPE_QUADROTOR, self._obeying.autopilot
+        return mavlink.MAVLink_heartbeat_message(kind, autopilot, flags, self.mode, state, 3)
 
     # Motors -------------------------------------------------------------------------------------------
 
@@ -281,9 +294,27 @@ class EmulatedAutopilot(UdpVehicle):
         if self._obeys and now_s > self._received_s + lost_s:
             autopilot = self._obeying.autopilot
             self.mode, self._failed_s = (LANDING if self.armed else HOLDING)[autopilot], now_s
+        strays_s = self._posed_s + POSITION_S[ARDUPILOT] + EKF_CHECK_S
+        if self._ardupilot and not self._strays and now_s > strays_s:
+            self._stray(now_s)
         if self._lands and self._height_m <= FLYING_M:
             self.armed = False
         self._note(now_s)
+
+    @property
+    def _located(self) -> bool:
+        """Whether it has a position, by poses on its link or otherwise, which is not emulated."""
+        if not self._settings.external_pose:
+            return self._ardupilot or bool(self._settings.pose_port)
+        return self._advanced_s <= self._posed_s + POSITION_S[self._obeying.autopilot]
+
+    def _stray(self, now_s: float) -> None:
+        """Act on a position that is lost: ArduCopter lands if its mode needs one."""
+        self._strays, lands = True, self.armed and self.mode == NEEDS_POSITION
+        if lands:
+            self.mode, self._failed_s = LANDING[ARDUPILOT], now_s
+        self._said += _texts("EKF variance: position lost")
+        self._said += _texts("EKF Failsafe" * self.armed + ": changed to Land Mode" * lands)
 
     def _note(self, now_s: float) -> None:
         """Note what the vehicle gets if it has changed."""

@@ -79,12 +79,9 @@ class Arbiter:
         """Take a command; a rejected one changes nothing but a counter."""
         if now_s >= self.next_event_s():
             self._pass(now_s)
+        pose, age_s = self.pose_monitor.newest, now_s - self.pose_monitor.epoch_since_s
         rejection = self._validator.consider(
-            command,
-            now_s,
-            pose=self.pose_monitor.newest,
-            epoch_age_s=now_s - self.pose_monitor.epoch_since_s,
-            flying=self.commanded,
+            command, now_s, pose=pose, epoch_age_s=age_s, flying=self.commanded
         )
         self._event_s = None
         return Answer(rejection is None, rejection or "accepted")
@@ -118,7 +115,8 @@ class Arbiter:
             elif accepted:
                 self.standing.observe(pose, now_s)
             if pose.position_m is not None and self.pose_monitor.newest is pose:
-                self.lift_off.own(SeenPose(pose.position_m, pose.tilt_rad), now_s)
+                seen = SeenPose(pose.position_m, pose.tilt_rad)
+                self.lift_off.own(seen, now_s, self.pose_monitor.captured_s)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
         """Take the state of port and module, and why it is not ready; it takes effect with the next step."""
@@ -132,8 +130,7 @@ class Arbiter:
         self.step(now_s)
         operator = request.by in self.limits.operators
         problem = None if operator else FOR_OPERATORS.get(request.action)
-        if problem is None:
-            problem = self._carry_out(request, now_s)
+        problem = problem or self._carry_out(request, now_s)
         if problem is not None:
             self.counters[f"refused: {request.action}"] += 1
             return Answer(False, problem)
@@ -145,7 +142,6 @@ class Arbiter:
             case Action.SHUTDOWN:
                 self._shutdown = True
                 self.step(now_s)
-                return None
             case Action.ARM:
                 return self._arm(request.by, now_s)
             case Action.RESET:
@@ -306,12 +302,8 @@ class Arbiter:
         elapsed_s = 0.0 if math.isinf(self._applied_s) else self._now_s - self._applied_s
         self._applied_s = self._now_s
         self._apply(self._now_s, elapsed_s, acting)
-        return ArbiterOutput(
-            self.state,
-            self._limiter.u,
-            bridging_step=self._bridging_step,
-            cause=None if acting is None else acting.command.cause,
-        )
+        cause = None if acting is None else acting.command.cause
+        return ArbiterOutput(self.state, self._limiter.u, self._bridging_step, cause)
 
     def _pass(self, now_s: float, requested: Condition | None = None) -> Stream | None:
         """Advance the time and change the state; returns the commands that act then."""

@@ -281,15 +281,9 @@ def next_change_s(stream: Stream, now_s: float, limits: ArbiterLimits) -> float:
     """When the age of the newest command next changes the output, after `now_s`; infinite if never."""
     period_s = stream.command.period_s
     ages_s = [number * period_s for number in range(2, _steps_within(limits.bridge_s, period_s) + 2)]
-    ages_s += [
-        _first_after_s(period_s, limits),
-        limits.hold_after_s,
-        limits.descend_after_s,
-        limits.cut_after_s,
-    ]
-    return min(
-        [stream.arrival_s + age_s for age_s in ages_s if stream.arrival_s + age_s > now_s], default=math.inf
-    )
+    limits_s = limits.hold_after_s, limits.descend_after_s, limits.cut_after_s
+    times_s = [stream.arrival_s + age_s for age_s in (*ages_s, _first_after_s(period_s, limits), *limits_s)]
+    return min([time_s for time_s in times_s if time_s > now_s], default=math.inf)
 
 
 def _steps_within(time_s: float, period_s: float) -> int:

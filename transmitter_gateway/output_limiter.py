@@ -76,10 +76,7 @@ class HoverThrust:
     def begin(self, first: float, acting: float) -> None:
         """Begin a flight while a thrust acts; `first` counts as `PRIOR_S` of flight at that hover thrust."""
         self._mean_thrust, self._acting = first, acting
-        self._mean_m_s2 = 0.0
-        self._known_s = 0.0
-        self._seen_s = 0.0
-        self.climb_m_s = 0.0
+        self._mean_m_s2 = self._known_s = self._seen_s = self.climb_m_s = 0.0
 
     @property
     def value(self) -> float:
@@ -147,8 +144,7 @@ class OutputLimiter:
     def stop(self) -> None:
         """Apply nothing."""
         self.u = NEUTRAL
-        self._braked = 0.0
-        self._flew = False
+        self._braked, self._flew = 0.0, False
         self.law.renew()
         self.hover.begin(self._u_hover, 0.0)
 
@@ -245,10 +241,6 @@ class OutputLimiter:
         hover = self.hover.value
         pitch, roll, thrust, yaw = self.law.step(motion, climb_m_s, hover, elapsed_s)
         thrust = max(hover + self.hover.scale * (thrust - hover), LEAST_SHARE * hover)
-        pitch, roll, thrust, yaw = (
-            min(max(value, lower), upper)
-            for value, lower, upper in zip(
-                (pitch, roll, thrust, yaw), self._limits.lower, self._limits.upper, strict=True
-            )
-        )
+        axes = zip((pitch, roll, thrust, yaw), self._limits.lower, self._limits.upper, strict=True)
+        pitch, roll, thrust, yaw = (min(max(value, lower), upper) for value, lower, upper in axes)
         self.u = (pitch, roll, thrust, yaw)

@@ -64,6 +64,7 @@ class PoseMonitor:
         self._stood_at_m: float | None = None
         self.newest: PoseInput | None = None
         self.epoch_since_s = -math.inf  # since when the own poses have their epoch
+        self.captured_s = 0.0  # from the capture of the newest own pose but one to that of the newest
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool, share: float | None = None) -> bool:
         """Process a pose of the own vehicle; return whether it is accepted, as any is on the floor.
@@ -71,14 +72,12 @@ class PoseMonitor:
         `share`: thrust that acts, as a share of the hover thrust, which an airborne vehicle has to answer.
         """
         track = self.own_track
-        rejection = self._check(pose, track, now_s)
-        if rejection is not None:
-            self._counters[rejection] += 1
-            return False
+        if (rejection := self._check(pose, track, now_s)) is not None:
+            return self._reject(rejection)
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
-        gap_s = _captured_since_s(pose, track.epoch, track.frame) or 0.0
-        track.undelivered_s = max(track.undelivered_s, min(gap_s, LONGEST_DRIFT_S))
+        self.captured_s = _captured_since_s(pose, track.epoch, track.frame) or 0.0
+        track.undelivered_s = max(track.undelivered_s, min(self.captured_s, LONGEST_DRIFT_S))
         waited_s = now_s - track.arrived_s
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         if self.newest is None or pose.epoch != self.newest.epoch:
@@ -88,15 +87,12 @@ class PoseMonitor:
         self._watch_answer(position, share if airborne else None, now_s)
         if position is None:
             track.occluded = True
-            self._counters["occluded pose"] += 1
-            return False
+            return self._reject("occluded pose")
         if self._is_stuck(track, position, airborne):
-            self._counters["repeated pose"] += 1
-            return False
+            return self._reject("repeated pose")
         if airborne and self._is_jump(track, position, now_s):
-            self._counters["pose jump"] += 1
             self._note_jump(waited_s)
-            return False
+            return self._reject("pose jump")
         self._jumping_s = None
         self._follow(track, pose, position, now_s, moving=airborne)
         track.position_m, track.seen_s = position, now_s
@@ -119,16 +115,19 @@ class PoseMonitor:
         if rejection is None and track is None and len(self._others) >= MOST_OTHERS:
             rejection = "too many vehicles"
         if rejection is not None:
-            self._counters[rejection] += 1
-            return False
+            return self._reject(rejection)
         if track is None:
             track = self._others[pose.vehicle] = Track(pose.epoch, pose.frame, now_s)
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         if pose.position_m is None:
-            self._counters["occluded pose"] += 1
-            return False
+            return self._reject("occluded pose")
         track.position_m, track.seen_s = pose.position_m, now_s
         return True
+
+    def _reject(self, reason: str) -> bool:
+        """Count a pose that is not accepted; return False."""
+        self._counters[reason] += 1
+        return False
 
     def _check(self, pose: PoseInput, track: Track | None, now_s: float) -> str | None:
         position = pose.position_m

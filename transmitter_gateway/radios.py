@@ -84,9 +84,8 @@ class Radios:
         descriptors = [port for port in ports if port is not None]
         turn_s = COMMANDED_TURN_S if all(each.commanded for each in transmitters) else TURN_S
         timeout_s = min(turn_s, min(deadlines_s) - self._clock())
-        for descriptor in self._wakeup.wait(
-            timeout_s, [self._wakeup.event, *descriptors, *self._keys.descriptors]
-        ):
+        sources = [self._wakeup.event, *descriptors, *self._keys.descriptors]
+        for descriptor in self._wakeup.wait(timeout_s, sources):
             if descriptor in ports:
                 ports[descriptor].on_readable(self._clock())
             elif self._keys.pressed():

@@ -61,6 +61,5 @@ def channels_of(
         arming = Arming(True, now_s)
     throttle_low = not arming.on or now_s < arming.since_s + low_s
     stopped = output.state is State.KILLED
-    return calibration.pulses_us(
-        output.u, throttle_low=throttle_low, armed=arming.on, stopped=stopped
-    ), arming
+    pulses_us = calibration.pulses_us(output.u, throttle_low=throttle_low, armed=arming.on, stopped=stopped)
+    return pulses_us, arming

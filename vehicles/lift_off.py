@@ -157,12 +157,17 @@ class LiftOffProof:
         elif self._rise_m < ROSE_M and self._unseen_m_s > UNSEEN_M_S:
             self._end(NOT_RISEN)
 
-    def own(self, pose: SeenPose, now_s: float) -> None:
-        """Use a pose of the own vehicle."""
+    def own(self, pose: SeenPose, now_s: float, captured_s: float = 0.0) -> None:
+        """Use a pose of the own vehicle, captured so long after the last one.
+
+        Poses that have waited arrive at once; they count as at least as far apart as they were captured.
+        """
         if self._clear:
             return
-        self._count_repeats(pose.position_m, now_s)
         last = self._newest[-1] if self._newest else None
+        if last is not None:
+            now_s = max(now_s, min(last[0] + captured_s, now_s + GAP_S))
+        self._count_repeats(pose.position_m, now_s)
         if last is not None and self._acting > STARTED * self._limits.hover_thrust:
             self._judge_step(pose.position_m, now_s - last[0], last[1])
         self._newest.append((now_s, pose.position_m))

@@ -12,6 +12,7 @@ from rcopterx.ground_station.report.figures import SETTLED_S, FlightFigures
 from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.observer import STARTED_S
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 from rcopterx.ground_station.scripting.waiting import Stop, StoppedError, stopped_by
 from rcopterx.vehicles.phases import Phase
@@ -63,7 +64,7 @@ class Demonstration:
 
     def _take_off_and_fly(self, seconds: float | None) -> None:
         with stopped_by(self._stop):
-            self._fleet.wait_ready()
+            self._fleet.wait_ready(timeout_s=STARTED_S)
             self._fleet.take_off()
         started_s = self._clock()
         self._end_s = math.inf if seconds is None else started_s + seconds

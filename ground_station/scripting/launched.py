@@ -9,6 +9,7 @@ from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import at_speed, fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.observer import STARTED_S
 
 FIRST_ROUTER_S = 15.0
 
@@ -51,7 +52,7 @@ def launched(
         ) as fleet,
         fleet,
     ):
-        fleet.wait_ready()
+        fleet.wait_ready(timeout_s=STARTED_S)
         yield fleet
         if any(vehicle.state.airborne for vehicle in fleet):
             fleet.land()

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Message)
 
+STARTED_S = 30.0  # until a fleet that was just started is ready; ArduCopter accepts arming after 20 s
 FIRST_STATUS_S = 1.5  # longest wait for a first status; statuses come five times a second
 UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been sent before it
 FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period

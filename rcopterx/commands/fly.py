@@ -135,6 +135,7 @@ def _fly_row(
 ) -> None:
     from rcopterx.ground_station.acceptance.flight import fly as fly_manoeuvre
     from rcopterx.ground_station.acceptance.flight import not_flown, reason_not_to_fly, report_of
+    from rcopterx.ground_station.scripting.observer import STARTED_S
     from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
     from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
@@ -153,7 +154,7 @@ def _fly_row(
     started_s = clock()
     try:
         with stopped_by(stop):
-            fleet.wait_ready()
+            fleet.wait_ready(timeout_s=STARTED_S)
         flown = fly_manoeuvre(row, fleet, progress.say, wait, stop)
     except StoppedError as error:
         results.add(not_flown(row, "failed", str(error)))

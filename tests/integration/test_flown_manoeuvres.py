@@ -14,6 +14,7 @@ from integration_support import fleet_text, free_port
 
 from rcopterx.fleet.reading import fleet_path
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
@@ -110,3 +111,20 @@ def test_ctrl_c_during_a_manoeuvre_lands_and_stops_everything(
     assert "landing; Ctrl-C again cuts the motors" in text
     assert "error: interrupted" in text
     assert "Traceback" not in text
+
+
+@pytest.mark.campaign
+@pytest.mark.lockstep
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", ["three_px4", "three_ardupilots"])
+def test_two_quadrotors_with_autopilots_keep_their_places_behind_a_third(
+    name: str, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    path, out = TYPES_FILE.with_name(f"{name}.toml"), tmp_path / "out"
+    arguments = [*command(path, "paper-formation", "--report", str(out)), "--lockstep", "--no-record"]
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((out / "report.json").read_text())
+    errors_mm = [report["vehicles"][follower]["formation_error_mm"] for follower in ("h2", "h3")]
+    assert max(error["rms"] for error in errors_mm) < 30.0
+    assert max(error["max"] for error in errors_mm) < 100.0

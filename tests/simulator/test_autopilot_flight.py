@@ -8,6 +8,7 @@ import pytest
 from support.firmware_flight import FirmwareFlight
 
 from rcopterx.control.identification.fit import identify
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest
 from rcopterx.vehicles.model import fitted_parameters
 
 FORMER = (
@@ -68,6 +69,27 @@ def test_twenty_landings_end_disarmed(mode: str, seed: int) -> None:
     flight.close()
 
 
+def test_an_autopilot_that_loses_its_position_in_a_mode_that_needs_one_lands_gently_and_disarms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flight = FirmwareFlight("mavlink_quadrotor", '{ mode = "guided", external_pose = true }')
+    flight.hover()
+    monkeypatch.setattr(flight.transmitter.protocol, "pose_seen", lambda *pose, standing: None)
+    flight.run(20.0)
+    plant, (x_m, y_m, _) = flight.plant, flight.plant.position_m
+    assert plant.on_floor
+    assert not plant.motors_running
+    assert plant.touchdown_speed_m_s is not None
+    assert plant.touchdown_speed_m_s < 1.0
+    assert math.hypot(x_m, y_m) < 1.5
+    assert flight.transmitter.link(flight.now_s).armed is False
+    flight.transmitter.request(ActionRequest(Action.ARM, "operator"), flight.now_s)
+    flight.run(3.0)
+    assert not plant.motors_running
+    assert "Need Position Estimate" in flight.transmitter.link(flight.now_s).text
+    flight.close()
+
+
 def inline(parameters: Mapping[str, Any]) -> str:
     """A table of a fleet file on one line; None is left out."""
     rows = []
@@ -84,6 +106,7 @@ def inline(parameters: Mapping[str, Any]) -> str:
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("mode", MODES)
 def test_an_identification_keeps_full_sticks_and_finds_a_model_that_flies(mode: str) -> None:
     settings = f'{{ mode = "{mode}" }}'

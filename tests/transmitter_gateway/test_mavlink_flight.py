@@ -1,6 +1,7 @@
 """Promises of arbiter and autopilot together: each state of the arbiter is one of the autopilot."""
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ from rcopterx.radios.mavlink import MavlinkProtocol
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import (
     CONSISTENT_S,
+    EKF_CHECK_S,
     ENDURANCE_S,
     GCS_LOSS_S,
     LAND,
@@ -18,6 +20,7 @@ from rcopterx.simulator.autopilot import (
     LOITER,
     LOSS_S,
     PAUSE_S,
+    POSITION_S,
     EmulatedAutopilot,
 )
 from rcopterx.simulator.plant import BodyPose
@@ -269,3 +272,92 @@ def test_commands_of_someone_else_are_not_obeyed_in_another_mode(bench: Bench) -
     assert bench.vehicle.armed, "armed by someone else, in another mode"
     assert bench.module == "armed, not by the gateway: mode LOITER (50593792)"
     assert not bench.request(Action.ARM)
+
+
+def boots(vehicle: EmulatedAutopilot, now_s: float) -> None:
+    vehicle.power_cycle(now_s)
+
+
+def empties(vehicle: EmulatedAutopilot, now_s: float) -> None:
+    vehicle.flown_s = ENDURANCE_S
+
+
+def terminates(vehicle: EmulatedAutopilot, now_s: float) -> None:
+    vehicle.terminated = True
+
+
+WOULD_REFUSE = "the autopilot would refuse to arm: "
+CAUSES: list[tuple[str, Callable[[EmulatedAutopilot, float], None], str]] = [
+    ("guided_nogps", boots, "PreArm: Accels inconsistent"),
+    ("guided_nogps", empties, "PreArm: Battery 1 below minimum arming voltage"),
+    ("guided_nogps", terminates, "Arming denied: flight terminated, restart it"),
+    ("guided", boots, "PreArm: Accels inconsistent"),
+    ("offboard", empties, "battery"),
+]
+
+
+@pytest.mark.parametrize("later_s", [0.0, 0.5])
+@pytest.mark.parametrize(("mode", "happens", "reason"), CAUSES)
+def test_a_vehicle_that_would_refuse_to_arm_is_not_ready_within_a_second_and_says_why(
+    mode: str, happens: Callable[[EmulatedAutopilot, float], None], reason: str, later_s: float
+) -> None:
+    bench = Bench(mode=mode)
+    bench.run(CONSISTENT_S + 2.0 + later_s, 0.0)
+    assert bench.module.startswith("ready")
+    happens(bench.vehicle, bench.now_s)
+    bench.run(1.0, 0.0)
+    assert not bench.request(Action.ARM)
+    bench.run(1.0, 0.0)
+    assert bench.module == WOULD_REFUSE + reason
+
+
+@pytest.fixture
+def posed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Bench]:
+    """A vehicle in flight whose estimator gets no poses any more, which the gateway still has."""
+
+    def fly(mode: str) -> Bench:
+        bench = Bench(mode=mode, external_pose=True)
+        bench.fly()
+        monkeypatch.setattr(bench.transmitter.protocol, "pose_seen", lambda *pose, standing: None)
+        return bench
+
+    return fly
+
+
+def test_an_ardupilot_whose_mode_needs_a_position_lands_without_poses_and_says_why(
+    posed: Callable[[str], Bench],
+) -> None:
+    bench = posed("guided")
+    bench.run(POSITION_S[ARDUPILOT] + EKF_CHECK_S - 0.2)
+    assert bench.state is State.ARMED
+    bench.run(1.0)
+    assert bench.vehicle.mode == LANDING[ARDUPILOT]
+    assert bench.state is State.LAND
+    assert bench.module == ("mode LAND (9): EKF variance: position lost; EKF Failsafe: changed to Land Mode")
+    assert bench.vehicle.armed
+    assert bench.motors_run
+    bench.vehicle.armed = False
+    bench.height_m = 0.0
+    bench.run(8.0, None)
+    assert bench.state is State.CUT
+    assert not bench.request(Action.ARM)
+
+
+@pytest.mark.parametrize("mode", ["guided_nogps", "offboard"])
+def test_a_mode_that_needs_no_position_flies_on_without_poses(
+    mode: str, posed: Callable[[str], Bench]
+) -> None:
+    bench = posed(mode)
+    assert all(bench.run(12.0))
+    assert (bench.state, bench.vehicle.armed) == (State.ARMED, True)
+    assert bench.module.startswith("ready")
+
+
+def test_a_vehicle_that_needs_a_position_is_not_ready_without_poses(posed: Callable[[str], Bench]) -> None:
+    bench = posed("guided")
+    bench.request(Action.KILL)
+    bench.run(1.0, 0.0)
+    bench.request(Action.RESET)
+    bench.run(POSITION_S[ARDUPILOT] + 1.0, 0.0)
+    assert not bench.request(Action.ARM)
+    assert bench.module.startswith(f"{WOULD_REFUSE}PreArm: Need Position Estimate")

@@ -30,7 +30,6 @@ app = typer.Typer(add_completion=False)
 VehiclesOption = Annotated[
     int | None, Option(metavar="N", min=1, help="With --up, fly the first N vehicles only.")
 ]
-READY_S = 30.0  # for a fleet that has just been started
 ADD_UP = "it needs a fleet of its own: add --up"
 
 
@@ -61,6 +60,7 @@ class FleetHolder:
 
         `say` shows what happens from now on.
         """
+        from rcopterx.ground_station.scripting.observer import STARTED_S
         from rcopterx_studies.faults.bench import Bench, copied_fleet
         from rcopterx_studies.faults.flying import FaultRange
 
@@ -72,7 +72,7 @@ class FleetHolder:
                 name = str(file or options.fleet or DEFAULT_FLEET)
                 path = self._stack.enter_context(copied_fleet(name, None if file else self._vehicles))
             fleet, self.interrupts = self._stack.enter_context(flown_fleet(options, str(path)))
-            fleet.wait_ready(timeout_s=READY_S)
+            fleet.wait_ready(timeout_s=STARTED_S)
             self._range = FaultRange(Bench(fleet, say, fleet.wait, path))
         return self._range.saying(say)
 
