@@ -4,13 +4,13 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import zenoh
 from msgspec import Struct
 from zenoh.handlers import Callback
 
-from rcopterx.bus.channels import CHANNELS, Channel
+from rcopterx.bus.channels import Channel, others_of_topic
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 
@@ -126,6 +126,32 @@ class Inbox(Generic[M]):
         return age_s is not None and age_s <= self.channel.stale_after_s
 
 
+class Units(Protocol[M]):
+    """Inboxes of one channel, by the units that have sent something."""
+
+    @property
+    def inboxes(self) -> dict[str, Inbox[M]]:
+        """The inboxes so far."""
+        ...
+
+
+class Source(Protocol):
+    """Where messages come from: the bus (`Session`), or a recorded flight."""
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """Clock [s] of the times of arrival."""
+        ...
+
+    def subscribe(self, channel: Channel[M], unit: str) -> Inbox[M]:
+        """Receive a channel of one unit."""
+        ...
+
+    def subscribe_all(self, channel: Channel[M], depth: int = 1, *, waking: bool = True) -> Units[M]:
+        """Receive a channel of every unit; messages can wake the loop of the process."""
+        ...
+
+
 Waking = bool | Callable[[], bool]  # whether messages wake the loop, or a function that decides it
 Deliver = Callable[[Inbox[Any], bytes, float], None]
 """Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
@@ -193,8 +219,7 @@ class UnitSubscriptions(Generic[M]):
         self._channel = channel
         self._depth = depth
         self._unit_at = pattern.split("/").index("*")
-        # Other units use the same topic for another type, as the Tracker does for its status.
-        self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
+        self._others = others_of_topic(channel)
         self._held = held
         self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, held))
 

@@ -2,10 +2,11 @@
 
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
-from operator import itemgetter
+from itertools import chain
+from operator import attrgetter, itemgetter
 from typing import Any, TypeVar
 
-from rcopterx.bus.channels import CHANNELS, Channel
+from rcopterx.bus.channels import CHANNELS, Channel, others_of_topic
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.session import RawMessage, Session
@@ -29,8 +30,7 @@ class Recording:
 
     def units(self, channel: Channel[Any]) -> list[str]:
         """Units with messages on a channel."""
-        # The Tracker and vehicles have statuses of different types on the same topic.
-        others = {row.unit for row in CHANNELS if row.topic == channel.topic and row.unit != channel.unit}
+        others = others_of_topic(channel)
         return sorted(unit for topic, unit in self._records if topic == channel.topic and unit not in others)
 
     def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
@@ -53,6 +53,10 @@ class Recording:
             for message, arrived_s in self.messages(channel, unit)
         ]
         return sorted(found, key=itemgetter(0))
+
+    def records(self) -> list[RawMessage]:
+        """All messages in order of arrival."""
+        return sorted(chain.from_iterable(self._records.values()), key=attrgetter("arrived_s"))
 
     def __len__(self) -> int:
         return sum(map(len, self._records.values()))
