@@ -1,7 +1,7 @@
 """The one table of channels, for codecs, liveness, recording, access rules, documentation and tests."""
 
 from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from rcopterx.bus import host_messages, log_messages, messages
 from rcopterx.bus.external_messages import ControlTask, ExternalInput
@@ -84,8 +84,3 @@ CHANNELS: Final[tuple[Channel[Message], ...]] = (
     TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED,
     LAUNCHER_EVENT, RECORDER, AGENT_STEPS,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows
-
-
-def others_of_topic(channel: Channel[Any]) -> frozenset[str]:
-    """Fixed units that use the topic of a channel for another type, as the Tracker does for its status."""
-    return frozenset(row.unit for row in CHANNELS if row.topic == channel.topic) - {channel.unit}

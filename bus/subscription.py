@@ -10,7 +10,7 @@ import zenoh
 from msgspec import Struct
 from zenoh.handlers import Callback
 
-from rcopterx.bus.channels import Channel, others_of_topic
+from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 
@@ -126,13 +126,22 @@ class Inbox(Generic[M]):
         return age_s is not None and age_s <= self.channel.stale_after_s
 
 
-class Units(Protocol[M]):
-    """Inboxes of one channel, by the units that have sent something."""
+class Units(Generic[M]):
+    """Inboxes of one channel, by the units that have sent something; independent of the bus."""
 
-    @property
-    def inboxes(self) -> dict[str, Inbox[M]]:
-        """The inboxes so far."""
-        ...
+    def __init__(self, channel: Channel[M], depth: int = 1) -> None:
+        self.inboxes: dict[str, Inbox[M]] = {}
+        self._channel = channel
+        self._depth = depth
+        # Other units use the same topic for another type, as the Tracker does for its status.
+        self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
+
+    def inbox(self, unit: str) -> Inbox[M] | None:
+        """Return the inbox of a unit; None for one that uses the topic for another type."""
+        inbox = self.inboxes.get(unit)
+        if inbox is None and unit not in self._others:
+            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
+        return inbox
 
 
 class Source(Protocol):
@@ -199,7 +208,7 @@ class Subscription(Inbox[M]):
         self._subscriber.undeclare()
 
 
-class UnitSubscriptions(Generic[M]):
+class UnitSubscriptions(Units[M]):
     """One channel of every unit, with an inbox each; units that are not in `units`, if any, are rejected."""
 
     def __init__(
@@ -212,14 +221,11 @@ class UnitSubscriptions(Generic[M]):
         units: frozenset[str] = frozenset(),
         held: "LockstepInbox | None" = None,
     ) -> None:
+        super().__init__(channel, depth)
         self._on_arrival = on_arrival
         self._units = units
-        self.inboxes: dict[str, Inbox[M]] = {}
         self._rejections = Rejections()
-        self._channel = channel
-        self._depth = depth
         self._unit_at = pattern.split("/").index("*")
-        self._others = others_of_topic(channel)
         self._held = held
         self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, held))
 
@@ -229,15 +235,10 @@ class UnitSubscriptions(Generic[M]):
             self._rejections.count("key")
             return
         unit = full_key.split("/")[self._unit_at]
-        if unit in self._others:
-            return
-        inbox = self.inboxes.get(unit)
-        if inbox is None:
-            if self._units and unit not in self._units:
-                self._rejections.count("unit")
-                return
-            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
-        self._on_arrival(inbox, sample.payload.to_bytes())
+        if self._units and unit not in self._units and unit not in self._others:
+            self._rejections.count("unit")
+        elif (inbox := self.inbox(unit)) is not None:
+            self._on_arrival(inbox, sample.payload.to_bytes())
 
     @property
     def rejected(self) -> Counter[str]:

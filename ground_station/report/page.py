@@ -49,10 +49,7 @@ def _figures(flight: LoggedFlight) -> str:
     if flight.missing:
         lines.append(table(("The log is incomplete",), ([(line, "failed")] for line in flight.missing)))
     lines.append(vehicle_table({name: figures.vehicle(name) for name in flight.fleet.vehicles}))
-    stages = {
-        name: stage_figures([times_ms for _, times_ms in figures.stages[name]])
-        for name in flight.fleet.vehicles
-    }
+    stages = {name: stage_figures(figures.stages[name]) for name in flight.fleet.vehicles}
     labels = {stage: f"{stage}: {text}" for stage, text in STAGES.items()} | {TOTAL: TOTAL}
     rows = ((label, *(_three(own.get(stage)) for own in stages.values())) for stage, label in labels.items())
     whole = {

@@ -6,7 +6,7 @@ from itertools import chain
 from operator import attrgetter, itemgetter
 from typing import Any, TypeVar
 
-from rcopterx.bus.channels import CHANNELS, Channel, others_of_topic
+from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.session import RawMessage, Session
@@ -30,7 +30,8 @@ class Recording:
 
     def units(self, channel: Channel[Any]) -> list[str]:
         """Units with messages on a channel."""
-        others = others_of_topic(channel)
+        # The Tracker and vehicles have statuses of different types on the same topic.
+        others = {row.unit for row in CHANNELS if row.topic == channel.topic and row.unit != channel.unit}
         return sorted(unit for topic, unit in self._records if topic == channel.topic and unit not in others)
 
     def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
