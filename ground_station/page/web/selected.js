@@ -43,7 +43,10 @@ export class Selected {
       name: this.name,
       powers: Object.fromEntries(Object.entries(this.sliders).map(([group, slider]) => [group, Number(slider.value)])),
     }));
-    this.control('undo').addEventListener('click', () => send('weigh', { name: this.name, powers: null }));
+    this.control('undo').addEventListener('click', () => {
+      this.powers = ''; // the page may never have received the weights that are undone
+      send('weigh', { name: this.name, powers: null });
+    });
   }
 
   /** Select a vehicle, or none. */
