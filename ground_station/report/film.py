@@ -15,7 +15,7 @@ from rcopterx.ground_station.page.shown import FleetShown
 from rcopterx.ground_station.report.logged_bus import LoggedBus
 from rcopterx.ground_station.scripting.reader import Reader
 
-MAX_STEPS: Final = 1500  # steps of a film: of a longer flight it shows fewer a second
+MAX_STATES: Final = 7500  # of all vehicles at all steps, about a megabyte: a longer flight has longer steps
 SILENT: Final = Words("no process of the fleet reports", "off")
 
 
@@ -62,7 +62,7 @@ def filmed(name: str, fleet: FleetFile, records: Sequence[RawMessage], started_s
     film, bus = Film(), LoggedBus(records, started_s)
     shown = FleetShown(Reader(fleet, next(iter(fleet.hosts)), bus), film, SILENT)
     seconds = records[-1].arrived_s - started_s
-    step_s = max(SAMPLE_S, seconds / MAX_STEPS)
+    step_s = max(SAMPLE_S, seconds * len(fleet.vehicles) / MAX_STATES)
     goes_on, status = True, channels.AGENT_STATUS.topic
     first = (one.arrived_s for one in records if one.topic == status and one.unit in fleet.vehicles)
     now_s = max(0.0, next(first, started_s) - started_s)  # before there is nothing to see
