@@ -4,7 +4,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import zenoh
 from msgspec import Struct
@@ -126,6 +126,41 @@ class Inbox(Generic[M]):
         return age_s is not None and age_s <= self.channel.stale_after_s
 
 
+class Units(Generic[M]):
+    """Inboxes of one channel, by the units that have sent something; independent of the bus."""
+
+    def __init__(self, channel: Channel[M], depth: int = 1) -> None:
+        self.inboxes: dict[str, Inbox[M]] = {}
+        self._channel = channel
+        self._depth = depth
+        # Other units use the same topic for another type, as the Tracker does for its status.
+        self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
+
+    def inbox(self, unit: str) -> Inbox[M] | None:
+        """Return the inbox of a unit; None for one that uses the topic for another type."""
+        inbox = self.inboxes.get(unit)
+        if inbox is None and unit not in self._others:
+            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
+        return inbox
+
+
+class Source(Protocol):
+    """Where messages come from: the bus (`Session`), or a recorded flight."""
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """Clock [s] of the times of arrival."""
+        ...
+
+    def subscribe(self, channel: Channel[M], unit: str) -> Inbox[M]:
+        """Receive a channel of one unit."""
+        ...
+
+    def subscribe_all(self, channel: Channel[M], depth: int = 1, *, waking: bool = True) -> Units[M]:
+        """Receive a channel of every unit; messages can wake the loop of the process."""
+        ...
+
+
 Waking = bool | Callable[[], bool]  # whether messages wake the loop, or a function that decides it
 Deliver = Callable[[Inbox[Any], bytes, float], None]
 """Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
@@ -173,7 +208,7 @@ class Subscription(Inbox[M]):
         self._subscriber.undeclare()
 
 
-class UnitSubscriptions(Generic[M]):
+class UnitSubscriptions(Units[M]):
     """One channel of every unit, with an inbox each; units that are not in `units`, if any, are rejected."""
 
     def __init__(
@@ -186,15 +221,11 @@ class UnitSubscriptions(Generic[M]):
         units: frozenset[str] = frozenset(),
         held: "LockstepInbox | None" = None,
     ) -> None:
+        super().__init__(channel, depth)
         self._on_arrival = on_arrival
         self._units = units
-        self.inboxes: dict[str, Inbox[M]] = {}
         self._rejections = Rejections()
-        self._channel = channel
-        self._depth = depth
         self._unit_at = pattern.split("/").index("*")
-        # Other units use the same topic for another type, as the Tracker does for its status.
-        self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
         self._held = held
         self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, held))
 
@@ -204,15 +235,10 @@ class UnitSubscriptions(Generic[M]):
             self._rejections.count("key")
             return
         unit = full_key.split("/")[self._unit_at]
-        if unit in self._others:
-            return
-        inbox = self.inboxes.get(unit)
-        if inbox is None:
-            if self._units and unit not in self._units:
-                self._rejections.count("unit")
-                return
-            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
-        self._on_arrival(inbox, sample.payload.to_bytes())
+        if self._units and unit not in self._units and unit not in self._others:
+            self._rejections.count("unit")
+        elif (inbox := self.inbox(unit)) is not None:
+            self._on_arrival(inbox, sample.payload.to_bytes())
 
     @property
     def rejected(self) -> Counter[str]:

@@ -170,21 +170,23 @@ class ShownFleet:
         )
         self.file = parse_fleet(f'name = "trio"\n{tables}\n')
         self.now_s = 100.0
-        self.session = SimpleNamespace(
+        self.session = self.source = SimpleNamespace(
             subscribe_all=lambda _: SimpleNamespace(inboxes={}), clock=lambda: self.now_s
         )
         self._situation = situation
         self.changed = False
 
-    def __iter__(self) -> Iterator[SimpleNamespace]:
+    def state_of(self, name: str) -> VehicleState:
+        """State of a vehicle."""
+        return self._states()[name]
+
+    def _states(self) -> States:
         names = list(self.file.vehicles)
         states = {
             name: flying(name, number, self.now_s, names[(number - 1) // 2] if number else None)
             for number, name in enumerate(names)
         }
-        if self.changed:
-            states = self._situation.change(states)
-        return iter([SimpleNamespace(name=name, state=state) for name, state in states.items()])
+        return self._situation.change(states) if self.changed else states
 
     def watch_latency(self) -> None:
         """Nothing to watch."""

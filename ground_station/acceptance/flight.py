@@ -90,10 +90,8 @@ def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:
     return problem
 
 
-def report_of(
-    manoeuvre: Manoeuvre, flown: Flown, vehicles: Sequence[str], seconds: float
-) -> tuple[dict[str, Any], FlightFigures]:
-    """Contents of `report.json`, and the figures they come from."""
+def report_of(manoeuvre: Manoeuvre, flown: Flown, vehicles: Sequence[str], seconds: float) -> dict[str, Any]:
+    """Contents of `report.json`."""
     figures = FlightFigures(flown.recording, vehicles)
     tables = {name: figures.vehicle(name) for name in vehicles}
     checks = [check.run(figures, tables) for check in manoeuvre.checks]
@@ -107,7 +105,7 @@ def report_of(
         "journal": [{"at_s": at_s, "text": text} for at_s, text in flown.journal],
     }
     report["remarks"] = remarks_on_models(report) + remarks_on_latency(report)
-    return report, figures
+    return report
 
 
 def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str | None) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float
     yaw_rad = None if agent is None else agent.yaw_rad
     battery = None if state.transmitter is None else state.transmitter.battery
     values = (
-        *(state.position_m or 3 * (None,)),
+        *(state.place_m or 3 * (None,)),
         None if yaw_rad is None else shown_heading_deg(yaw_rad),
         *(3 * (None,) if flown is None else flown[:3]),
         None if state.error_m is None else 1000.0 * state.error_m,

@@ -103,11 +103,11 @@ class PageSteering:
             self.go_to(name, place_m, state.agent.set_point.yaw_rad)
         else:
             leader = self._fleet[state.assigned[0].leader].state
-            if leader.agent is None or leader.position_m is None:
+            if leader.agent is None or (leader_m := leader.place_m) is None:
                 self.refuse(f"the position of {leader.name} is unknown")
                 return
             yaw_rad = leader.agent.yaw_rad or 0.0
-            self._follow(name, (link_to(state.assigned[0], place_m, leader.position_m, yaw_rad),))
+            self._follow(name, (link_to(state.assigned[0], place_m, leader_m, yaw_rad),))
 
     def _follow(self, name: str, links: Sequence[LeaderLink]) -> None:
         vehicle = self._fleet[name]
@@ -118,7 +118,7 @@ class PageSteering:
         if leader is None:
             self._follow(name, ())
             return
-        own, other = self._fleet[name].state.position_m, self._fleet[leader].state.position_m
+        own, other = self._fleet[name].state.place_m, self._fleet[leader].state.place_m
         if own is None or other is None:
             self.refuse(f"the position of {name} or {leader} is unknown")
             return
@@ -165,11 +165,11 @@ class PageSteering:
         from rcopterx.control.references.path_shapes import through
 
         state = self._fleet[name].state
-        if state.position_m is None or not places_m:
+        if (place_m := state.place_m) is None or not places_m:
             self.refuse("click waypoints in the scene first")
             return
         yaw_rad = 0.0 if state.agent is None else state.agent.set_point.yaw_rad
-        places = [state.position_m, *places_m]
+        places = [place_m, *places_m]
         legs_s = (max(PACE_S, math.dist(a, b) / SPEED_M_S) for a, b in pairwise(places))
         rows = [(s, *p, yaw_rad) for s, p in zip(accumulate(legs_s, initial=0.0), places, strict=True)]
         self.run(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))

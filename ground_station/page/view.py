@@ -47,7 +47,7 @@ def fleet_shown(file: FleetFile, steers: bool) -> Shown:
 
 def motion_of(state: VehicleState, states: Mapping[str, VehicleState]) -> Shown:
     """What moves of a vehicle, as far as it is known; nothing of a silent one, so that it looks dead."""
-    place, agent = state.position_m, state.agent
+    place, agent = state.place_m, state.agent
     if agent is None or place is None or state.silent:
         return {}
     plan = state.plan if state.airborne else None
@@ -74,9 +74,9 @@ def handle_of(state: VehicleState, states: Mapping[str, VehicleState]) -> Point 
     if not state.assigned:
         return _rounded(state.agent.set_point.position_m)
     leader = states.get(state.assigned[0].leader) if len(state.assigned) == 1 else None
-    if leader is None or leader.agent is None or leader.position_m is None:
+    if leader is None or leader.agent is None or (place := leader.place_m) is None:
         return None
-    return _rounded(place_beside(state.assigned[0], leader.position_m, leader.agent.yaw_rad or 0.0))
+    return _rounded(place_beside(state.assigned[0], place, leader.agent.yaw_rad or 0.0))
 
 
 def _line(plan: Plan) -> list[list[float]]:

@@ -65,17 +65,11 @@ class FlightFigures:
         self.applied = continued(by_vehicle(channels.APPLIED))  # inputs written to each module, in order
         self.statuses = by_vehicle(channels.AGENT_STATUS)  # statuses of the agent of each vehicle, in order
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
-        self.stages = self._stage_times(recording)  # arrival [s] and `stage_times_ms` of each command
+        self.stages = self._stage_times(recording)  # `stage_times_ms` of each command
 
     def truth(self, name: str) -> list[LaboratoryVehicle]:
         """True states of one vehicle."""
         return [state.vehicles[name] for state in self.laboratory if name in state.vehicles]
-
-    def references(self, name: str) -> tuple[Array, Array]:
-        """Frames of the plans of a vehicle that have a reference, shape (n,), and the references, (n, 4)."""
-        plans = [plan for plan in self.plans[name] if plan.reference is not None]
-        frames = np.array([plan.frame for plan in plans], dtype=float)
-        return frames, np.array([plan.reference for plan in plans], dtype=float).reshape(-1, 4)
 
     def frame_period_s(self) -> float:
         """Time between the frames of the motion capture [s]."""
@@ -85,10 +79,6 @@ class FlightFigures:
         """Frames, shape (n,), and position [m] and yaw [rad, within a turn] of a vehicle, shape (n, 4)."""
         by_frame = self._positions[name]
         return np.array(list(by_frame), dtype=np.int64), np.array(list(by_frame.values())).reshape(-1, 4)
-
-    def first_frame(self) -> int:
-        """First frame in which a vehicle was seen."""
-        return min((next(iter(frames)) for frames in self._positions.values() if frames), default=0)
 
     def distances_m(self, first: str, second: str) -> Array:
         """Distance between two vehicles at every frame in which both were seen, shape (n,)."""
@@ -113,20 +103,20 @@ class FlightFigures:
 
     def pose_to_command_ms(self) -> list[float]:
         """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
-        commands = [times for stages in self.stages.values() for _, times in stages]
+        commands = [times for stages in self.stages.values() for times in stages]
         values = [sum(map(times.__getitem__, TO_COMMAND)) for times in commands if times.keys() >= TO_COMMAND]
         return [value for value in values if value < LONGEST_LATENCY_MS]
 
-    def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:
+    def _stage_times(self, recording: Recording) -> dict[str, list[dict[str, float]]]:
         """Stages of all commands, with the statuses of routers that had arrived before each."""
         routers: dict[str, RouterStatus] = {}
-        found: dict[str, list[tuple[float, dict[str, float]]]] = {name: [] for name in self._vehicles}
+        found: dict[str, list[dict[str, float]]] = {name: [] for name in self._vehicles}
         needed: tuple[Channel[Any], ...] = (channels.ROUTER_STATUS, channels.APPLIED)
-        for arrived_s, unit, message in recording.in_order(needed):
+        for _, unit, message in recording.in_order(needed):
             if isinstance(message, RouterStatus):
                 routers[unit] = message
             elif unit in found and (times := stage_times_ms(message, partial(clock_offset, routers))):
-                found[unit].append((arrived_s, times))
+                found[unit].append(times)
         return found
 
     def frame_to_radio_ms(self) -> list[float]:
@@ -199,22 +189,6 @@ class FlightFigures:
     def followed(self, name: str) -> list[str]:
         """Vehicles that a vehicle followed at any time."""
         return sorted({link.leader for plan in self.plans[name] for link in plan.following})
-
-    def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
-        """Frames, and offsets from a leader, flown and wanted, (n, 4): inertial x, y, z [m], yaw [rad]."""
-        own, other = self._positions[name], self._positions.get(leader, {})
-        frames, flown, wanted = [], [], []
-        for plan in self.plans[name]:
-            link = next((link for link in plan.following if link.leader == leader), None)
-            if link is None or plan.frame not in own or plan.frame not in other:
-                continue
-            apart = own[plan.frame] - other[plan.frame]
-            apart[3] = math.remainder(apart[3], 2 * math.pi)
-            frames.append(plan.frame)
-            flown.append(apart)
-            wanted.append(station([link], [other[plan.frame]]) - other[plan.frame])
-        numbers = np.array(frames, dtype=np.int64)
-        return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
 
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""

@@ -8,7 +8,7 @@ from typing import Final
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.messages import Applied
-from rcopterx.bus.session import Session
+from rcopterx.bus.subscription import Source
 from rcopterx.ground_station.report.statistics import percentiles
 
 STAGES: Final = {
@@ -76,9 +76,9 @@ def stage_figures(commands: Collection[Mapping[str, float]]) -> dict[str, Percen
 class LatencyWatch:
     """Latencies of a running fleet; thread-safe. `offset` gives the present offsets between clocks."""
 
-    def __init__(self, session: Session, offset: ClockOffset) -> None:
-        self._applied = session.subscribe_all(channels.APPLIED, depth=WAITING, waking=False)
-        self._clock = session.clock
+    def __init__(self, source: Source, offset: ClockOffset) -> None:
+        self._applied = source.subscribe_all(channels.APPLIED, depth=WAITING, waking=False)
+        self._clock = source.clock
         self._offset = offset
         self._lock = threading.Lock()
         self._windows: dict[str, deque[dict[str, float]]] = {}

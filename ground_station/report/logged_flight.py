@@ -20,7 +20,7 @@ from rcopterx.ground_station.republishing import fleet_of
 
 NEEDED: Final[tuple[Channel[Any], ...]] = (
     channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS,
-    *EVENT_CHANNELS,
+    channels.LAUNCHER, channels.RECORDER, channels.TRACKER_STATUS, *EVENT_CHANNELS,
 )  # fmt: skip
 
 
@@ -31,6 +31,7 @@ class LoggedFlight:
     name: str
     fleet: FleetFile
     metadata: dict[str, str]  # versions, commit, computer, start; see `rcopterx.flights.provenance`
+    recording: Recording
     figures: FlightFigures
     events: tuple[LoggedEvent, ...]  # in order; times count from `started_s`
     started_s: float  # arrival of the first pose or state of the laboratory on the clock of the recording
@@ -41,17 +42,24 @@ class LoggedFlight:
 def logged_flight(name: str, parts: Sequence[Path], missing: Sequence[str] = ()) -> LoggedFlight:
     """Read a flight from its files, of which something may be `missing`; raises FlightLogError."""
     contents = LogContents()
-    records = list(records_of(parts, NEEDED, contents))
+    recording, fleet = Recording(records_of(parts, NEEDED, contents)), fleet_of(parts)
+    return flight_of(name, fleet, recording, contents.metadata.get(METADATA, {}), missing)
+
+
+def flight_of(
+    name: str, fleet: FleetFile, recording: Recording, metadata: dict[str, str], missing: Sequence[str] = ()
+) -> LoggedFlight:
+    """Return a flight from its messages; raises FlightLogError if the motion capture saw nothing in it."""
     seen = (channels.POSE.topic, channels.LABORATORY.topic)
-    started_s = next((record.arrived_s for record in records if record.topic in seen), None)
+    started_s = next((record.arrived_s for record in recording.records() if record.topic in seen), None)
     if started_s is None:
         raise FlightLogError(f"{name}: the motion capture saw nothing in this flight")
-    fleet, recording = fleet_of(parts), Recording(records)
     figures = FlightFigures(recording, list(fleet.vehicles))
     events = tuple(events_of(recording, started_s))
-    metadata = contents.metadata.get(METADATA, {})
     rejected = dict(recording.rejected)
-    return LoggedFlight(name, fleet, metadata, figures, events, started_s, rejected, tuple(missing))
+    return LoggedFlight(
+        name, fleet, metadata, recording, figures, events, started_s, rejected, tuple(missing)
+    )
 
 
 def records_of(

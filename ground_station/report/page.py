@@ -1,75 +1,67 @@
-"""The report of a flight, and of two flights side by side."""
+"""The report of one or two flights: the page that plays them, figures above it, the rest folded below."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping
 from html import escape
 from itertools import pairwise
 from typing import Final
 
 from rcopterx.fleet.schema import FleetError
 from rcopterx.flights.provenance import provenance
-from rcopterx.ground_station.report.document import Html, document, percentile_table, table, vehicle_table
+from rcopterx.ground_station.page.document import saved
+from rcopterx.ground_station.report.document import PERCENTILES, Html, percentile_table, table, vehicle_table
+from rcopterx.ground_station.report.film import filmed
 from rcopterx.ground_station.report.latency import STAGES, TOTAL, stage_figures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight
-from rcopterx.ground_station.report.picture import flight_svg, formation_svg, latency_svg
-from rcopterx.ground_station.report.playback import playback
+from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
 
-NOTHING: Final = Html("<p>No data.</p>")
+MINUTE: Final = len("2026-11-22T14:15")
+PLACES: Final = (
+    '<details class="report" id="places"><summary>Places beside the leaders</summary><div></div></details>\n'
+)
 
 
-def report_page(flight: LoggedFlight) -> str:
-    """Report of one flight as a self-contained page."""
-    parts = [f"<section><h2>{escape(title)}</h2>{part}</section>" for title, part in sections(flight)]
-    return document(f"Flight {flight.name}", [f"<h1>Flight {escape(flight.name)}</h1>", *parts])
-
-
-def comparison_page(one: LoggedFlight, other: LoggedFlight) -> str:
-    """Reports of two flights side by side."""
-    parts = [
-        f"<section><h2>{escape(title)}</h2>{_beside(left, right)}</section>"
-        for (title, left), (_, right) in zip(sections(one), sections(other), strict=True)
+def report_page(*flights: LoggedFlight) -> str:
+    """Return the report of a flight, or of several side by side, as one file that opens without a server."""
+    names = " and ".join(flight.name for flight in flights)
+    dates = " and ".join(flight.metadata.get("started", "")[:MINUTE].replace("T", " ") for flight in flights)
+    films = [
+        filmed(flight.name, flight.fleet, flight.recording.records(), flight.started_s) for flight in flights
     ]
-    heads = _beside(*(f"<h1>{escape(flight.name)}</h1>" for flight in (one, other)))
-    return document(f"Flights {one.name} and {other.name}", [heads, *parts])
+    figures = f'<section class="report" id="figures">{_beside(_figures, flights)}</section>'
+    folded = (
+        f'<details class="report"><summary>{escape(title)}</summary>{_beside(part, flights)}</details>'
+        for title, part in FOLDED.items()
+    )
+    return saved(
+        f"Flight {names}", f"Recording of {dates}".strip(), films, figures, PLACES + "\n".join(folded)
+    )
 
 
-def _beside(left: str, right: str) -> str:
-    return f'<div class="beside"><div>{left}</div><div>{right}</div></div>'
+def _beside(part: Callable[[LoggedFlight], str], flights: tuple[LoggedFlight, ...]) -> str:
+    return f'<div class="beside">{"".join(f"<div>{part(flight)}</div>" for flight in flights)}</div>'
 
 
-def sections(flight: LoggedFlight) -> Iterator[tuple[str, Html]]:
-    """Titles and contents; every flight has the same titles."""
-    names, figures = list(flight.fleet.vehicles), flight.figures
-    volume = (flight.fleet.volume.min_m, flight.fleet.volume.max_m)
-    yield "Completeness", _completeness(flight)
-    yield "Playback", playback(flight.name, figures, names, flight.events, volume)
-    yield "Errors and fallbacks", vehicle_table({name: figures.vehicle(name) for name in names})
-    yield "Formation", Html(formation_svg(flight.name, names, figures) or NOTHING)
-    yield "Flight", Html(flight_svg(flight.name, names, figures, flight.events))
-    yield "Latency by stage", _latencies(flight)
-    yield "Events", _events(flight)
-    yield "Margins", _margins(flight)
-    yield "Identification", _identification(flight)
-    yield "Provenance", _provenance(flight)
+def _figures(flight: LoggedFlight) -> str:
+    """What the log lacks, errors and fallbacks, latencies."""
+    figures = flight.figures
+    lines = [f"<h2>Flight {escape(flight.name)}</h2>"]
+    if flight.missing:
+        lines.append(table(("The log is incomplete",), ([(line, "failed")] for line in flight.missing)))
+    lines.append(vehicle_table({name: figures.vehicle(name) for name in flight.fleet.vehicles}))
+    stages = {name: stage_figures(figures.stages[name]) for name in flight.fleet.vehicles}
+    labels = {stage: f"{stage}: {text}" for stage, text in STAGES.items()} | {TOTAL: TOTAL}
+    rows = ((label, *(_three(own.get(stage)) for own in stages.values())) for stage, label in labels.items())
+    whole = {
+        "pose to command": percentiles(figures.pose_to_command_ms()),
+        "frame to radio": percentiles(figures.frame_to_radio_ms()),
+    }
+    head = ("latency, p50 / p99 / max [ms]", *stages)
+    return "\n".join([*lines, f'<div class="beside">{table(head, rows)}{percentile_table(whole)}</div>'])
 
 
-def _completeness(flight: LoggedFlight) -> Html:
-    if not flight.missing:
-        return Html("<p>The log is complete.</p>")
-    return table(("The log is incomplete",), ([(line, "failed")] for line in flight.missing))
-
-
-def _latencies(flight: LoggedFlight) -> Html:
-    parts = []
-    labels = {TOTAL: TOTAL} | {stage: f"{stage}: {text}" for stage, text in STAGES.items()}
-    for name in flight.fleet.vehicles:
-        if found := stage_figures([times_ms for _, times_ms in flight.figures.stages[name]]):
-            parts += [
-                f"<h3>{escape(name)}</h3>",
-                percentile_table({labels[stage]: row for stage, row in found.items()}),
-                latency_svg(flight.name, name, flight.figures, flight.started_s),
-            ]
-    return Html("\n".join(parts)) if parts else NOTHING
+def _three(figures: Mapping[str, float] | None) -> str:
+    return "-" if figures is None else " / ".join(f"{figures[name]:.2f}" for name in PERCENTILES)
 
 
 def _events(flight: LoggedFlight) -> Html:
@@ -109,3 +101,9 @@ def _provenance(flight: LoggedFlight) -> Html:
         counts = ", ".join(f"{kind} {count}" for kind, count in flight.rejected.items())
         rows.append(("messages of another version, left out", (counts, "failed")))
     return table(("", ""), rows)
+
+
+FOLDED: Final[Mapping[str, Callable[[LoggedFlight], Html]]] = {
+    "Events": _events, "Margins": _margins, "Identification": _identification, "Provenance": _provenance,
+}  # fmt: skip
+"""Titles and contents below the page; every flight has the same."""

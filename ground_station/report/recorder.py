@@ -2,7 +2,8 @@
 
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
-from operator import itemgetter
+from itertools import chain
+from operator import attrgetter, itemgetter
 from typing import Any, TypeVar
 
 from rcopterx.bus.channels import CHANNELS, Channel
@@ -53,6 +54,10 @@ class Recording:
             for message, arrived_s in self.messages(channel, unit)
         ]
         return sorted(found, key=itemgetter(0))
+
+    def records(self) -> list[RawMessage]:
+        """All messages in order of arrival."""
+        return sorted(chain.from_iterable(self._records.values()), key=attrgetter("arrived_s"))
 
     def __len__(self) -> int:
         return sum(map(len, self._records.values()))

@@ -103,6 +103,14 @@ class VehicleState:
         return None if self.agent is None else self.agent.position_m
 
     @property
+    def place_m(self) -> tuple[float, float, float] | None:
+        """Position where motion is watched: in flight of the newest plan, which is newer than the status."""
+        if self.plan is None or not self.plan.airborne:
+            return self.position_m
+        x, y, z = self.plan.trajectory.to_numpy()[0, :3].tolist()
+        return x, y, z
+
+    @property
     def alarming(self) -> bool:
         """Whether the arbiter flies the vehicle, or has cut its motors, instead of its agent."""
         return self.transmitter_state in ALARMING_STATES

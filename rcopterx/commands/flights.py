@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -11,7 +10,7 @@ from typer import Argument, Option
 
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.extensions import added
-from rcopterx.commands.fleet_option import EXIT_FAILED, failure
+from rcopterx.commands.fleet_option import EXIT_FAILED
 from rcopterx.commands.interruption import counted_interrupts
 from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.parsing import settings_of
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
 
 MEGA: Final = 1e6
-INSTALL: Final = "pip install 'rcopterx[figures]'"
 
 FlightArgument = Annotated[
     str, Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
@@ -165,16 +163,13 @@ def report(
         str | None, Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
     ] = None,
 ) -> None:
-    """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""
-    if find_spec("matplotlib") is None:
-        raise failure(f"a report needs matplotlib: {INSTALL}")
+    """Save the page of a flight as one file that plays it: figures, plots, events, provenance."""
     from rcopterx.ground_station.report.logged_flight import logged_flight
-    from rcopterx.ground_station.report.page import comparison_page, report_page
+    from rcopterx.ground_station.report.page import report_page
 
     chosen = [_flight(name) for name in (flight, compare) if name is not None]
     flights = [logged_flight(found.name, found.parts, _warned(found)) for found in chosen]
-    page = report_page(flights[0]) if compare is None else comparison_page(*flights)
-    output.write_text(page, encoding="utf-8")
+    output.write_text(report_page(*flights), encoding="utf-8")
     typer.echo(f"report: {output}")
 
 

@@ -1,12 +1,12 @@
 """Flying manoeuvres: `fly`."""
 
 import json
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from typer import Argument, Option
@@ -26,9 +26,12 @@ from rcopterx.commands.parsing import check_known
 from rcopterx.places import try_place
 
 if TYPE_CHECKING:
+    from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.acceptance.flight import Manoeuvre
+    from rcopterx.ground_station.report.recorder import Recording
     from rcopterx.ground_station.scripting.fleet import Fleet
 
+FLIGHT_NAME: Final = "flight.html"  # page that plays a flight, beside its report
 SLICE_S = 0.25  # between two updates of the progress
 
 
@@ -164,9 +167,9 @@ def _fly_row(
         results.add(not_flown(row, "failed", str(error)))
         return
     names = list(fleet.file.vehicles)
-    report, figures = report_of(row, flown, names, clock() - started_s)
+    report = report_of(row, flown, names, clock() - started_s)
     progress.say(report["verdict"])
-    results.add(report, figures)
+    results.write(report, flown.recording, fleet.file)
 
 
 class Results:
@@ -176,10 +179,7 @@ class Results:
         self._directory = directory
         self._several = several
         self._reports: list[dict[str, Any]] = []
-        self._pictures: dict[str, str] = {}
-        self._draws = directory is not None and find_spec("matplotlib") is not None
-        if directory is not None and not self._draws:
-            typer.echo("the page has no pictures: pip install 'rcopterx[figures]' adds them", err=True)
+        self._flights: dict[str, str] = {}  # pages that play them, by manoeuvre, relative to the directory
 
     @property
     def passed(self) -> bool:
@@ -187,28 +187,36 @@ class Results:
         verdicts = {report["verdict"] for report in self._reports}
         return "passed" in verdicts and "failed" not in verdicts
 
-    def add(self, report: dict[str, Any], figures: Any = None) -> None:
-        """Add a report, draw its picture, and write it."""
-        from rcopterx.ground_station.acceptance.flight import write_report
-
+    def add(self, report: dict[str, Any]) -> None:
+        """Add a report of what was not flown."""
         self._reports.append(report)
-        if self._directory is None or figures is None:
-            return
-        where = self._directory / report["manoeuvre"] if self._several else self._directory
-        typer.echo(f"report: {write_report(report, where)}", err=True)
-        if self._draws:
-            from rcopterx.ground_station.report.picture import flight_svg
 
-            self._pictures[report["manoeuvre"]] = flight_svg(
-                report["manoeuvre"], list(report["vehicles"]), figures
-            )
+    def write(self, report: dict[str, Any], recording: "Recording", file: "FleetFile") -> None:
+        """Add the report of a flight, and write it and the page that plays the flight."""
+        self.add(report)
+        if self._directory is None:
+            return
+        from rcopterx.flights.mcap_records import FlightLogError
+        from rcopterx.flights.provenance import provenance
+        from rcopterx.ground_station.acceptance.flight import write_report
+        from rcopterx.ground_station.report.logged_flight import flight_of
+        from rcopterx.ground_station.report.page import report_page
+
+        name = report["manoeuvre"]
+        where = self._directory / name if self._several else self._directory
+        typer.echo(f"report: {write_report(report, where)}", err=True)
+        started = time.strftime("%Y-%m-%dT%H:%M", time.localtime(time.time() - report["seconds"]))
+        with suppress(FlightLogError):  # nothing was seen
+            flight = flight_of(name, file, recording, {"started": started} | provenance())
+            (where / FLIGHT_NAME).write_text(report_page(flight), encoding="utf-8")
+            self._flights[name] = (where / FLIGHT_NAME).relative_to(self._directory).as_posix()
 
     def write_page(self) -> None:
         """Write the page about all flights."""
         from rcopterx.ground_station.acceptance.flight_page import write_page
 
         if self._directory is not None and self._reports:
-            typer.echo(f"page: {write_page(self._reports, self._pictures, self._directory)}", err=True)
+            typer.echo(f"page: {write_page(self._reports, self._flights, self._directory)}", err=True)
 
     def print(self, as_json: bool) -> None:
         """Print the reports."""

@@ -2,15 +2,12 @@
 
 from pathlib import Path
 
-import pytest
-from support.pictures import draw_nothing
 from test_command_line import run
 
 REFERENCE = str(Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap")
 
 
-def test_two_flights_are_reported_in_one_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    draw_nothing(monkeypatch)
+def test_two_flights_are_reported_in_one_page(tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     result = run("report", REFERENCE, "--compare", REFERENCE, "-o", str(page))
     assert result.exit_code == 0, result.stderr
@@ -18,10 +15,7 @@ def test_two_flights_are_reported_in_one_page(tmp_path: Path, monkeypatch: pytes
     assert page.read_text(encoding="utf-8").count("reference_flight") >= 2
 
 
-def test_what_is_no_flight_log_or_cannot_be_written_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    draw_nothing(monkeypatch)
+def test_what_is_no_flight_log_or_cannot_be_written_is_told(tmp_path: Path) -> None:
     other = tmp_path / "other.mcap"
     other.write_text("no flight")
     result = run("report", str(other), "-o", str(tmp_path / "x.html"))

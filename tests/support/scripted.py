@@ -78,6 +78,7 @@ class ScriptedVehicle:
         self.yaw_rad = 0.0
         self.error_m: float | None = None
         self.plan: Plan | None = None
+        self.reason = "scripted"  # of the state of the arbiter
         self.path_left_s = 0.0
 
     def answer(self, incoming: Incoming) -> None:
@@ -162,7 +163,7 @@ class ScriptedVehicle:
     def transmitter_status(self) -> TransmitterStatus:
         return TransmitterStatus(
             state=self.state,
-            reason="scripted",
+            reason=self.reason,
             link="open",
             module="module speaks",
             ready=self.ready,

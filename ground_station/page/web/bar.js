@@ -1,5 +1,6 @@
 /** The bar: state of the fleet in one sentence, flight time, flight log; answers to requests. */
 import { make, one, write } from './dom.js';
+import { isRecorded } from './film.js';
 import { isConnected, link } from './link.js';
 
 const NOTICE_MS = 6000, RECENT_S = 6;
@@ -13,7 +14,7 @@ const show = () => {
   write(sentence, connected ? shown.text : 'The page is not connected: what it shows is old');
   bar.className = connected ? shown.level : 'off';
   document.body.classList.toggle('old', !connected);
-  document.title = `${connected ? shown.text : 'not connected'} · rcopterx`;
+  if (!isRecorded()) document.title = `${connected ? shown.text : 'not connected'} · rcopterx`;
 };
 
 const notify = ({ text, refused }) => {
@@ -32,7 +33,7 @@ link.addEventListener('texts', ({ detail: texts }) => {
   shown = texts.sentence;
   show();
   write(one('#flown'), typeof texts.took_off_s !== 'number' ? '–' : clock(texts.time_s - texts.took_off_s));
-  write(one('#recording'), texts.recording ? `● ${texts.recording}` : '–');
+  if (!isRecorded()) write(one('#recording'), texts.recording ? `● ${texts.recording}` : '–');
   for (const notice of texts.notices ?? []) {
     if (newest === null ? texts.time_s - notice.time_s < RECENT_S : notice.number > newest) notify(notice);
   }

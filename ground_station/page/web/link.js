@@ -10,7 +10,8 @@ let connected = true, heardAt = performance.now(), socket = null;
 /** Whether the process of the page is reached. */
 export const isConnected = () => connected;
 
-const publish = (name, detail) => link.dispatchEvent(new CustomEvent(name, { detail }));
+/** Give parts of the page what has arrived. */
+export const publish = (name, detail) => link.dispatchEvent(new CustomEvent(name, { detail }));
 
 const setConnected = (now) => {
   if (now === connected) return;

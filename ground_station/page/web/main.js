@@ -2,6 +2,7 @@
 import './bar.js';
 import { showAlarms, showLines } from './alarms.js';
 import { one } from './dom.js';
+import { beginFilm, isRecorded, showStep } from './film.js';
 import { Handles } from './handles.js';
 import { begin, link } from './link.js';
 import { Rows } from './rows.js';
@@ -43,7 +44,8 @@ const past = (row) => Object.fromEntries(fleet.vehicles.map(({ name }) => {
 const showMotion = () => {
   if (!fleet) return;
   const row = strip.shownRow();
-  scene.motion = row === null ? live : past(row);
+  if (row === null) scene.motion = live;
+  else scene.motion = isRecorded() ? showStep(row, strip.shareOfRow(row)) : past(row);
   scene.dirty = true;
 };
 
@@ -57,7 +59,10 @@ link.addEventListener('fleet', ({ detail }) => {
   const suggestion = one('#suggestion');
   if (suggestion) suggestion.textContent = fleet.suggestion;
 });
-link.addEventListener('samples', ({ detail }) => samples?.add(detail));
+link.addEventListener('samples', ({ detail }) => {
+  samples?.add(detail);
+  if (isRecorded()) strip.setPaused(true, samples.firstSeen());
+});
 link.addEventListener('motion', ({ detail }) => {
   live = detail;
   if (!strip.paused) showMotion();
@@ -75,12 +80,13 @@ link.addEventListener('texts', ({ detail }) => {
   showAlarms(texts.alarms ?? []);
   showLines(one('#problems'), texts.problems ?? []);
   showLines(one('#notes'), texts.notes ?? []);
-  if (!strip.paused) strip.showEvents(texts.events ?? [], texts.time_s);
+  if (!strip.paused || isRecorded()) strip.showEvents(texts.events ?? [], texts.time_s);
 });
 
 /** Draw what has changed, at most some thirty times a second. */
 const draw = (now) => {
   requestAnimationFrame(draw);
+  strip.play(now);
   if (!samples || now - drawnAt < LEAST_MS) return;
   drawnAt = now;
   const row = strip.shownRow();
@@ -95,7 +101,7 @@ const draw = (now) => {
   if (now - stripAt > STRIP_MS) {
     stripAt = now;
     strip.draw();
-    rows.drawSparks();
+    rows.drawSparks(isRecorded() && row !== null ? row + 1 : undefined);
   }
 };
 
@@ -116,5 +122,5 @@ window.addEventListener('keydown', (event) => {
   if (VIEW_KEYS[event.key]) scene.look(VIEW_KEYS[event.key]);
   else if (fleet?.vehicles[Number(event.key) - 1]) select(fleet.vehicles[Number(event.key) - 1].name);
 });
-begin();
+(isRecorded() ? beginFilm : begin)();
 requestAnimationFrame(draw);

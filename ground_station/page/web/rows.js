@@ -55,11 +55,11 @@ export class Rows {
     }
   }
 
-  /** Draw the error of the last half minute. */
-  drawSparks() {
+  /** Draw the error of the last half minute before row `end` of the samples. */
+  drawSparks(end) {
     const colour = theme()('line');
     for (const [name, { spark, colour: own }] of this.rows) {
-      const values = this.samples.recent(name, 'error_mm', SPARK_S), context = spark.getContext('2d');
+      const values = this.samples.recent(name, 'error_mm', SPARK_S, end), context = spark.getContext('2d');
       const { width, height } = spark, count = SPARK_S * 10;
       const highest = Math.max(FULL_MM, ...values);
       context.clearRect(0, 0, width, height);

@@ -8,21 +8,19 @@ export class Samples {
     this.names = fleet.vehicles.map((vehicle) => vehicle.name);
     this.at = new Map(fleet.signals.map(([name], index) => [name, index]));
     this.rows = [];
+    this.kept = fleet.recorded ? Infinity : KEPT;
   }
 
   /** Add rows: time [s], then the values of each vehicle. */
   add(rows) {
     this.rows.push(...rows);
-    if (this.rows.length > KEPT) this.rows.splice(0, this.rows.length - KEPT);
+    if (this.rows.length > this.kept) this.rows.splice(0, this.rows.length - this.kept);
   }
 
-  /** Times [s], oldest first. */
-  get times() { return this.rows.map((row) => row[0]); }
-
-  /** Values of a signal of a vehicle, null where unknown. */
-  column(name, signal) {
+  /** Values of a signal of a vehicle in some rows, null where unknown. */
+  column(name, signal, rows) {
     const vehicle = 1 + this.names.indexOf(name), at = this.at.get(signal);
-    return this.rows.map((row) => row[vehicle][at]);
+    return rows.map((row) => row[vehicle][at]);
   }
 
   /** The newest values of a signal within some seconds before row `end`. */
@@ -41,6 +39,9 @@ export class Samples {
     const place = values && ['x_m', 'y_m', 'z_m'].map((signal) => values[this.at.get(signal)]);
     return place && place.every((value) => value !== null) ? place : null;
   }
+
+  /** First row in which a vehicle has a position; 0 without one. */
+  firstSeen() { return Math.max(0, this.rows.findIndex((_, row) => this.names.some((name) => this.place(name, row)))); }
 
   /** Positions of the last seconds before row `end`, without gaps. */
   trail(name, seconds, end = this.rows.length) {

@@ -9,12 +9,14 @@ export class Selected {
     this.section = one('#selected');
     this.name = null;
     this.powers = '';
+    this.details = [];
   }
 
   setFleet(fleet) {
     this.fleet = fleet;
     this.vehicles = new Map(fleet.vehicles.map((vehicle) => [vehicle.name, vehicle]));
     if (fleet.steers && !this.listening) this.listen();
+    one('#details').ontoggle = () => this.showDetails();
   }
 
   control(name) { return one(`[name=${name}]`, this.section); }
@@ -41,7 +43,10 @@ export class Selected {
       name: this.name,
       powers: Object.fromEntries(Object.entries(this.sliders).map(([group, slider]) => [group, Number(slider.value)])),
     }));
-    this.control('undo').addEventListener('click', () => send('weigh', { name: this.name, powers: null }));
+    this.control('undo').addEventListener('click', () => {
+      this.powers = ''; // the page may never have received the weights that are undone
+      send('weigh', { name: this.name, powers: null });
+    });
   }
 
   /** Select a vehicle, or none. */
@@ -60,12 +65,13 @@ export class Selected {
   show(rows, powers) {
     const row = rows[this.name];
     if (!row) return;
+    this.details = row.details;
     const list = one('#learned');
     if (list.dataset.drawn !== row.learned.join('\n')) {
       list.dataset.drawn = row.learned.join('\n');
       list.replaceChildren(...row.learned.map((text) => make('li', { textContent: text })));
     }
-    if (one('#details').open) this.showDetails(row.details);
+    this.showDetails();
     if (!this.fleet.steers) return;
     offer(this.control('leader'), [...this.vehicles.keys()].filter((name) => name !== this.name), '(no leader)');
     choose(this.control('leader'), row.leader);
@@ -93,8 +99,9 @@ export class Selected {
     }
   }
 
-  showDetails(details) {
-    const table = one('#details table');
+  showDetails() {
+    if (!one('#details').open) return;
+    const table = one('#details table'), { details } = this;
     while (table.rows.length > details.length) table.deleteRow(-1);
     details.forEach(([name, text, alarming], index) => {
       const row = table.rows[index] ?? table.insertRow();

@@ -1,7 +1,6 @@
-/** The strip of time: plots of any signals of all vehicles, events, pause and scrub. */
+/** The strip of time: plots of any signals of all vehicles, events, pause and scrub; a recording is played. */
 import { make, offer, one, theme, write } from './dom.js';
-
-const AXIS_PX = 52;
+import { newPlot } from './plots.js';
 
 export class Strip {
   /** @param {() => void} onTime Called when another time is to be shown. */
@@ -9,14 +8,15 @@ export class Strip {
     this.onTime = onTime;
     this.plots = new Map();
     this.chosen = ['error_mm', 'z_m'];
-    this.paused = false;
+    this.paused = this.playing = false;
     this.section = one('#time');
     this.scrub = one('[name=scrub]', this.section);
     this.pause = one('[name=pause]', this.section);
-    this.pause.addEventListener('click', () => this.setPaused(!this.paused));
+    this.speed = one('[name=speed]', this.section);
+    this.pause.addEventListener('click', () => (this.recorded ? this.setPlaying(!this.playing) : this.setPaused(!this.paused)));
     this.scrub.addEventListener('input', () => {
-      this.setPaused(true);
-      this.showTime();
+      if (!this.paused) this.setPaused(true, Number(this.scrub.value));
+      this.show(this.rows[Number(this.scrub.value)][0]);
     });
     one('[name=signal]', this.section).addEventListener('change', ({ target }) => {
       if (target.value) this.add(target.value);
@@ -30,6 +30,9 @@ export class Strip {
     this.fleet = fleet;
     this.samples = samples;
     this.signals = new Map(fleet.signals.map(([name, label, unit]) => [name, { label, unit }]));
+    this.recorded = Boolean(fleet.recorded);
+    this.speed.hidden = !this.recorded;
+    this.setPlaying(false);
     this.setPaused(false);
     this.rebuild();
   }
@@ -41,7 +44,7 @@ export class Strip {
     one('#plots').replaceChildren();
     for (const signal of this.chosen) this.build(signal);
     this.offerSignals();
-    this.draw();
+    this.draw(true);
   }
 
   offerSignals() {
@@ -53,7 +56,7 @@ export class Strip {
     this.chosen.push(signal);
     this.build(signal);
     this.offerSignals();
-    this.draw();
+    this.draw(true);
   }
 
   remove(signal) {
@@ -72,19 +75,17 @@ export class Strip {
   }
 
   build(signal) {
-    const { label, unit } = this.signals.get(signal), colour = theme();
+    const { label, unit } = this.signals.get(signal);
     const close = make('button', { type: 'button', textContent: '×', title: `Remove ${label}` });
     close.addEventListener('click', () => this.remove(signal));
     const box = make('div', { className: 'plot' }, make('h3', {}, unit ? `${label} [${unit}]` : label, close));
     one('#plots').append(box);
-    const axis = { stroke: colour('quiet'), grid: { stroke: colour('grid'), width: 1 }, ticks: { stroke: colour('grid') }, font: '11px system-ui, sans-serif' };
-    const plot = new uPlot({
-      width: 280, height: 100, legend: { show: false }, cursor: { sync: { key: 'time' }, drag: { x: false, y: false } },
-      scales: { x: { time: false } },
-      axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((tick) => `${tick} s`) }, { ...axis, size: AXIS_PX }],
-      series: [{}, ...this.lines(signal).map(({ colour: stroke, signal: own }) => ({ stroke, width: 1.5, dash: own === signal ? undefined : [4, 4], points: { show: false } }))],
-      hooks: { draw: [(drawn) => this.mark(drawn)] },
-    }, [[]], box);
+    const lines = this.lines(signal).map(({ colour, signal: own }) => ({ stroke: colour, dash: own === signal ? undefined : [4, 4] }));
+    const plot = newPlot(box, lines, { draw: [(drawn) => this.mark(drawn)] });
+    plot.over.addEventListener('click', () => {
+      if (!this.paused) this.setPaused(true);
+      this.show(this.origin() + plot.posToVal(plot.cursor.left, 'x'));
+    });
     this.plots.set(signal, { plot, box });
     this.resize();
   }
@@ -92,7 +93,7 @@ export class Strip {
   /** Mark the shown time while paused. */
   mark(plot) {
     if (!this.paused) return;
-    const x = Math.round(plot.valToPos(this.shownTime() - this.newest(), 'x', true)), { ctx, bbox } = plot;
+    const x = Math.round(plot.valToPos(this.at - this.origin(), 'x', true)), { ctx, bbox } = plot;
     ctx.fillStyle = theme()('busy');
     ctx.fillRect(x, bbox.top, 2, bbox.height);
   }
@@ -104,42 +105,87 @@ export class Strip {
     }
   }
 
-  setPaused(paused) {
+  /** Show row `row` of the present samples, or go on with the newest. */
+  setPaused(paused, row = this.samples.rows.length - 1) {
     this.paused = paused;
-    this.pause.setAttribute('aria-pressed', paused);
-    write(this.pause, paused ? 'Live' : 'Pause');
     this.rows = paused ? [...this.samples.rows] : null;
-    if (paused) this.scrub.max = this.rows.length - 1;
+    this.markedRow = null;
+    if (!this.recorded) {
+      this.pause.setAttribute('aria-pressed', paused);
+      write(this.pause, paused ? 'Live' : 'Pause');
+    }
     if (!paused) this.scrub.value = this.scrub.max;
-    this.showTime();
+    if (this.recorded && paused) this.draw(true);
+    if (paused) this.scrub.max = this.rows.length - 1;
+    this.show(paused ? this.rows[row]?.[0] ?? 0 : 0);
   }
 
-  newest() { return (this.rows ?? this.samples.rows).at(-1)?.[0] ?? 0; }
-
-  shownTime() { return this.rows?.[Number(this.scrub.value)]?.[0] ?? this.newest(); }
-
-  /** Row of the samples that is shown, null for the present. */
-  shownRow() {
-    if (!this.paused) return null;
-    const shown = this.shownTime(), row = this.samples.rows.findIndex((one) => one[0] >= shown);
-    return row < 0 ? null : row;
+  /** Play a recording, or stop; from its beginning if it has ended. */
+  setPlaying(playing) {
+    if (playing && this.at >= this.rows.at(-1)[0]) this.show(this.rows[0][0]);
+    this.playing = playing;
+    if (this.recorded) {
+      this.pause.setAttribute('aria-pressed', playing);
+      write(this.pause, playing ? 'Pause' : 'Play');
+    }
   }
 
-  showTime() {
-    const ago = this.newest() - this.shownTime();
-    write(one('[name=ago]', this.section), this.paused ? `−${ago.toFixed(1)} s` : 'live');
-    if (this.paused) for (const { plot } of this.plots.values()) plot.redraw(false);
+  /** Go on playing at a time of the browser [ms]. */
+  play(now) {
+    const passed = (now - (this.playedAt ?? now)) / 1000 * Number(this.speed.value);
+    this.playedAt = now;
+    if (!this.playing) return;
+    this.show(this.at + passed);
+    if (this.at >= this.rows.at(-1)[0]) this.setPlaying(false);
+  }
+
+  /** Show a time [s] of the rows. */
+  show(time) {
+    if (this.paused && this.rows.length) {
+      this.at = Math.min(Math.max(time, this.rows[0][0]), this.rows.at(-1)[0]);
+      const row = this.rowAt(this.rows, this.at);
+      if (this.markedRow !== row) for (const { plot } of this.plots.values()) plot.redraw(false);
+      this.scrub.value = this.markedRow = row;
+    }
+    const age = this.paused && this.rows.length ? this.at - this.origin() : 0;
+    write(one('[name=ago]', this.section), !this.paused ? 'live' : `${age.toFixed(1).replace('-', '−')} s`);
     this.onTime();
   }
 
-  /** Draw the newest samples, unless paused. */
-  draw() {
-    if (!this.samples || this.samples.rows.length < 2 || (this.paused && this.drawn)) return;
-    this.drawn = true;
-    const { times } = this.samples, newest = times.at(-1), before = times.map((time) => time - newest);
-    if (!this.paused) this.scrub.max = this.scrub.value = times.length - 1;
+  /** Last row that is not later than a time [s]. */
+  rowAt(rows, time) {
+    let low = 0, high = rows.length - 1;
+    while (low < high) {
+      const middle = Math.ceil((low + high) / 2);
+      if (rows[middle][0] <= time) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Time [s] from which plots count: the newest of a running fleet, the first of a recording. */
+  origin() {
+    const rows = this.rows ?? this.samples.rows;
+    return rows.at(this.recorded ? 0 : -1)?.[0] ?? 0;
+  }
+
+  /** Row of the samples that is shown, null for the present. */
+  shownRow() { return this.paused && this.rows.length ? this.rowAt(this.samples.rows, this.at) : null; }
+
+  /** How much of the time between a row and the next one has passed. */
+  shareOfRow(row) {
+    const [from, to] = [this.samples.rows[row][0], this.samples.rows[row + 1]?.[0]];
+    return to === undefined ? 0 : Math.min(1, (this.at - from) / (to - from));
+  }
+
+  /** Draw the newest samples; only if `anew` while paused. */
+  draw(anew = false) {
+    const rows = this.rows ?? this.samples?.rows;
+    if (!rows || rows.length < 2 || (this.paused && !anew)) return;
+    const origin = this.origin(), times = rows.map((row) => row[0] - origin);
+    if (!this.paused) this.scrub.max = this.scrub.value = rows.length - 1;
     for (const [signal, { plot }] of this.plots) {
-      plot.setData([before, ...this.lines(signal).map((line) => this.samples.column(line.name, line.signal))]);
+      plot.setData([times, ...this.lines(signal).map((line) => this.samples.column(line.name, line.signal, rows))]);
     }
   }
 

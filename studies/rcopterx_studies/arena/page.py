@@ -1,15 +1,16 @@
 """The page of the arena: who is best at which task, and for each task a table and the ways from above."""
 
 from collections.abc import Mapping
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from rcopterx.commands.output import svg_of
 from rcopterx.ground_station.acceptance.pages import link, write_page
 from rcopterx.ground_station.report.document import table
-from rcopterx.ground_station.report.picture import svg_of
 from rcopterx_studies.arena.flying import FlownTask
 from rcopterx_studies.arena.tasks import TASKS
 from rcopterx_studies.experiments.runner import FlightResult
@@ -75,11 +76,11 @@ def _section(task: str, rows: Rows, result: FlightResult[FlownTask]) -> str:
     heading = f'<section id="{escape(task)}"><h2>{escape(task)}</h2><p>{escape(TASKS[task].title)}.</p>'
     flights = {scheme: result.flown[f"{task} / {scheme}"] for scheme in rows}
     first = {scheme: next(iter(by_seed.values())) for scheme, by_seed in flights.items()}
-    picture = svg_of(task, (3.2 * len(first), 3.4), _draw_ways, first)
+    picture = svg_of(task, (3.2 * len(first), 3.4), partial(_draw_ways, first))
     return "\n".join((heading, table(HEAD, lines), picture, "</section>"))
 
 
-def _draw_ways(figure: Any, flights: Mapping[str, FlownTask]) -> None:
+def _draw_ways(flights: Mapping[str, FlownTask], figure: Any) -> None:
     """Draw the ways of all vehicles from above, a panel for each scheme."""
     panels = figure.subplots(1, len(flights), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (scheme, flown) in zip(panels, flights.items(), strict=True):

@@ -192,7 +192,7 @@ def test_manoeuvre_that_fails_lands_the_fleet_and_reports_the_problem(lab: Lab) 
 
     result = fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
     assert result.problem == "h1: no"
-    report, _ = report_of(manoeuvre(flown), result, NAMES, 1.0)
+    report = report_of(manoeuvre(flown), result, NAMES, 1.0)
     assert (report["verdict"], report["problem"]) == ("failed", "h1: no")
     assert [vehicle.phase for vehicle in vehicles.values()] == ["ground", "ground"]
 
@@ -286,7 +286,7 @@ def test_the_report_holds_everything_and_its_verdict_is_that_of_the_checks(
         lambda *_: None, Check("always", lambda *_: (True, 1)), Check("this", lambda *_: (passed, 2))
     )
     flown = Flown(recording((False, False)), ((0.5, "there"),))
-    report, _ = report_of(row, flown, ["h1"], 12.34)
+    report = report_of(row, flown, ["h1"], 12.34)
     path = write_report(report, tmp_path / "new" / "directory")
     assert json.loads(path.read_text()) == json.loads(json.dumps(report))
     assert path.name == "report.json"

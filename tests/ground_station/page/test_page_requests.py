@@ -73,12 +73,14 @@ def opened(fleet: Fleet) -> Iterator[Opened]:
 def fly(fleet: Fleet, vehicles: Vehicles) -> None:
     for vehicle in vehicles.values():
         vehicle.phase, vehicle.state = "flying", "armed"
-        vehicle.plan_at((0.0, 0.0, 1.0))
-        vehicle.position_m = (0.1, 0.2, 0.3)
+        vehicle.plan_at((0.1, 0.2, 0.3))
     wait_for(
         lambda: all(one.state.phase == "flying" and one.state.plan is not None for one in fleet), "not flying"
     )
-    wait_for(lambda: all(one.state.position_m == (0.1, 0.2, 0.3) for one in fleet), "not there")
+    wait_for(
+        lambda: all(one.state.place_m == pytest.approx((0.1, 0.2, 0.3), abs=1e-3) for one in fleet),
+        "not there",
+    )
 
 
 def follow(fleet: Fleet, vehicles: Vehicles, offset_m: tuple[float, float, float]) -> None:
@@ -97,7 +99,7 @@ def test_vehicles_are_where_their_agents_are_with_plans_references_and_leaders(
     follow(fleet, vehicles, (0.0, 1.0, 0.0))
     motion = opened.motion("h1")
     assert motion["handle"] == [0.0, 0.0, 0.0]
-    assert motion["reference"] == motion["plan"][-1] == [0.0, 0.0, 1.0]
+    assert motion["reference"] == motion["plan"][-1] == [0.1, 0.2, 0.3]
     assert opened.motion("h2")["following"] == ["h1"]
     assert opened.motion("h2")["handle"] == [0.1, 1.2, 0.3]
 
@@ -130,7 +132,7 @@ def test_a_followers_handle_is_its_place_beside_its_leader(
     opened.do("move", name="h2", place_m=[0.6, 1.2, 0.3])
     (request,) = vehicles["h2"].requests
     assert isinstance(request, Follow)
-    assert request.following[0].offset_m == pytest.approx((0.5, 1.0, 0.0))
+    assert request.following[0].offset_m == pytest.approx((0.5, 1.0, 0.0), abs=1e-3)
 
 
 def test_a_refusal_is_shown_with_its_reason(opened: Opened, vehicles: Vehicles) -> None:
@@ -167,12 +169,12 @@ def test_a_leader_that_is_chosen_is_followed_from_where_the_vehicle_is(
     opened: Opened, fleet: Fleet, vehicles: Vehicles
 ) -> None:
     fly(fleet, vehicles)
-    vehicles["h2"].position_m = (0.1, 1.2, 0.3)
-    wait_for(lambda: fleet["h2"].state.position_m == (0.1, 1.2, 0.3), "not there")
+    vehicles["h2"].plan_at((0.1, 1.2, 0.3))
+    wait_for(lambda: fleet["h2"].state.place_m == pytest.approx((0.1, 1.2, 0.3), abs=1e-3), "not there")
     opened.do("follow", name="h2", leader="h1")
     (request,) = vehicles["h2"].requests
     assert isinstance(request, Follow)
-    assert request.following[0].offset_m == pytest.approx((0.0, 1.0, 0.0))
+    assert request.following[0].offset_m == pytest.approx((0.0, 1.0, 0.0), abs=1e-3)
     opened.do("follow", name="h2", leader=None)
     assert vehicles["h2"].verbs[-1] == "Lead"
 

@@ -1,4 +1,4 @@
-"""Promises of the scripts of the page and of the report, run by Node.js."""
+"""Promises of the scripts of the page, run by Node.js."""
 
 import json
 import shutil
@@ -9,13 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.ground_station import page, report
+from rcopterx.ground_station import page
 
 NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="apt-get install nodejs")
 WEB = Path(page.__path__[0]) / "web"
 MODULES = list(WEB.glob("*.js"))
-SCRIPTS = list(Path(report.__path__[0]).glob("*.js"))
 CAMERA = """
 const { Camera } = await import('data:text/javascript,' + encodeURIComponent(process.env.SOURCE));
 const camera = new Camera();
@@ -46,11 +45,6 @@ def run(*arguments: str, stdin: str = "", **environment: str) -> subprocess.Comp
 @pytest.mark.parametrize("script", MODULES, ids=lambda path: path.name)
 def test_every_module_is_javascript(script: Path) -> None:
     assert not run("--input-type=module", "--check", stdin=script.read_text("utf-8")).stderr
-
-
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
-def test_every_script_is_javascript(script: Path) -> None:
-    assert not run("--check", str(script)).stderr
 
 
 @pytest.mark.parametrize("script", MODULES, ids=lambda path: path.name)

@@ -6,11 +6,12 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from support.plans import plan_of
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import SetPoint, TransmitterStatus
 from rcopterx.ground_station.events import LoggedEvent, Timeline
-from rcopterx.ground_station.page.view import events_shown, row_of
+from rcopterx.ground_station.page.view import events_shown, motion_of, row_of
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="by h1", link="open", module="<b>", ready=True)
@@ -22,6 +23,13 @@ STATE = VehicleState("h1", AGENT, ARMED, 0.1, 0.1, 0.01, seen_age_s=0.01)
 def details(state: VehicleState) -> dict[str, tuple[str, bool]]:
     shown: Any = row_of(state)["details"]
     return {name: (text, alarming) for name, text, alarming in shown}
+
+
+def test_a_vehicle_in_flight_is_where_its_newest_plan_begins() -> None:
+    plan = plan_of("h1", position_m=(1.5, 2.0, 0.5))
+    assert motion_of(replace(STATE, plan=plan), {})["place"] == (1.5, 2.0, 0.5)
+    on_floor = plan_of("h1", position_m=(1.5, 2.0, 0.5), airborne=False)
+    assert motion_of(replace(STATE, plan=on_floor), {})["place"] == (1.0, 2.0, 0.5)
 
 
 def test_details_have_units() -> None:

@@ -1,13 +1,14 @@
 """Promises of reports: whole, self-contained, in order, and nothing from a flight is markup."""
 
+import base64
 import json
 import re
+import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
-from support.pictures import draw_nothing
 from support.statuses import flying_status
 
 from rcopterx.bus import channels
@@ -15,21 +16,16 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
 from rcopterx.bus.log_messages import AnsweredRequest, LauncherEvent
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Kill, Plan, Pose, TransmitterStatus
+from rcopterx.bus.messages import Kill, TransmitterStatus
 from rcopterx.bus.requests import Reply, TakeOff
 from rcopterx.bus.session import RawMessage
-from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flights.mcap_records import FlightLogError
-from rcopterx.ground_station.events import LoggedEvent
 from rcopterx.ground_station.report.document import Html, table
-from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight, events_of, logged_flight
-from rcopterx.ground_station.report.page import comparison_page, report_page, sections
-from rcopterx.ground_station.report.playback import MAX_SAMPLES, flight_data, playback
+from rcopterx.ground_station.report.page import FOLDED, report_page
 from rcopterx.ground_station.report.recorder import Recording
 
 REFERENCE = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
-VOLUME = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
 
 
 @pytest.fixture(scope="module")
@@ -41,35 +37,70 @@ def record(channel: Channel, unit: str, message: Message, arrived_s: float) -> R
     return RawMessage(unit, channel.topic, encode(message), arrived_s)
 
 
-def test_a_report_is_whole_and_refers_to_nothing_outside_itself(flight: LoggedFlight) -> None:
-    page = report_page(flight)
-    for title, _ in sections(flight):
-        assert f"<h2>{title}</h2>" in page
-    assert page.count("<svg") >= 2
+@pytest.fixture(scope="module")
+def page(flight: LoggedFlight) -> str:
+    return report_page(flight)
+
+
+def films(page: str) -> list[dict[str, Any]]:
+    data = re.search(r'id="films">([^<]*)</script>', page)
+    assert data is not None
+    found: list[dict[str, Any]] = json.loads(zlib.decompress(base64.b64decode(data[1])))
+    return found
+
+
+def test_a_report_is_the_page_with_its_figures_first_and_the_rest_folded(
+    page: str, flight: LoggedFlight
+) -> None:
+    figures, played = page.index('id="figures"'), page.index('<section id="stage">')
+    assert figures < page.index("formation error rms") < page.index("solver: controller") < played
+    for title in FOLDED:
+        assert page.index(f"<summary>{title}</summary>") > played
+    assert page.count("<details") == page.count("</details>")
+    assert "<details open" not in page
     assert flight.metadata["digest"] in page
-    assert not re.findall(r"(?:src|href)=[\"'](?!#)", page)
+
+
+def test_a_report_says_in_its_bar_that_it_is_a_recording_and_of_which_day(page: str) -> None:
+    assert '<p id="recorded">Recording of 2026-11-29 08:04</p>' in page
+
+
+def test_a_report_has_nothing_that_only_a_running_fleet_has(page: str) -> None:
+    for control in ('id="kill"', 'value="take_off"', 'id="goto"', 'id="tune"', 'name="controller"'):
+        assert control not in page
+
+
+def test_a_report_refers_to_nothing_outside_itself_and_is_small(page: str) -> None:
+    document = re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    assert not re.findall(r"(?:src|href)=[\"'](?!#|data:)", document)
     assert not re.findall(r"@import|url\((?!#)", page)
+    imports = json.loads(page.split('<script type="importmap">')[1].split("</script>")[0])["imports"]
+    for name, address in imports.items():
+        source = base64.b64decode(address.partition(",")[2]).decode()
+        assert not re.search(r"""^import .*['"]\.""", source, flags=re.M), f"{name} imports a path"
+        assert set(re.findall(r"^import .*'(.*)';", source, flags=re.M)) <= set(imports), name
+    assert len(page) < 1_200_000
 
 
-def test_a_report_tells_what_it_could_not_read(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    draw_nothing(monkeypatch)
-    assert "left out" not in report_page(flight)
+def test_a_report_says_what_could_not_be_read(flight: LoggedFlight, page: str) -> None:
+    assert "left out" not in page
     assert "plan.type 7" in report_page(replace(flight, rejected={"plan.type": 7}))
 
 
-def test_a_report_says_what_its_log_lacks(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    draw_nothing(monkeypatch)
-    assert "The log is complete" in report_page(flight)
+def test_a_report_says_first_what_its_log_lacks(flight: LoggedFlight, page: str) -> None:
+    assert "The log is incomplete" not in page
     page = report_page(replace(flight, missing=("bytes 7 to 9",)))
-    assert "The log is incomplete" in page
-    assert "bytes 7 to 9" in page
+    assert (
+        page.index("The log is incomplete") < page.index("bytes 7 to 9") < page.index("formation error rms")
+    )
 
 
-def test_two_flights_stand_side_by_side(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    draw_nothing(monkeypatch)
-    page = comparison_page(flight, flight)
-    assert page.count('<div class="beside">') == 1 + len(list(sections(flight)))
-    assert page.count("<h1>reference</h1>") == 2
+def test_two_flights_stand_side_by_side_and_both_can_be_played(flight: LoggedFlight) -> None:
+    page = report_page(flight, replace(flight, name="<other>"))
+    assert page.count("<h2>Flight ") == 2
+    assert "<h2>Flight &lt;other&gt;</h2>" in page
+    assert page.count('<p id="recorded">Recording of 2026-11-29 08:04 and 2026-11-29 08:04</p>') == 1
+    assert [film["name"] for film in films(page)] == ["reference", "<other>"]
 
 
 def test_vehicles_of_a_logged_flight_have_flown_and_their_figures_are_known(flight: LoggedFlight) -> None:
@@ -120,46 +151,6 @@ def test_events_are_told_in_order_whoever_saw_them() -> None:
         (20.0, "KILL all vehicles: space bar"),
     ]
     assert [event.alarming for event in events] == [True, False, False, False, True, True, True]
-
-
-def flown(frames: list[int]) -> FlightFigures:
-    """A vehicle that was seen in these frames, at x = frame / 100, with a reference at x = 1."""
-    records = []
-    for frame in frames:
-        pose = Pose(
-            epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=False,
-            position_m=(frame / 100, 0.0, 1.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
-        )  # fmt: skip
-        plan = Plan(
-            epoch=1, frame=frame, source="h1", ancestors=(), period_s=0.02, start_s=0.0,
-            trajectory=TrajectoryArray.of(np.zeros((2, 12))), reference=(1.0, 0.0, 1.0, 0.0),
-        )  # fmt: skip
-        records += [record(channels.POSE, "h1", pose, 0.0), record(channels.PLAN, "h1", plan, 0.0)]
-    return FlightFigures(Recording(records), ["h1"])
-
-
-def test_a_playback_shows_places_at_their_times_and_nothing_where_nothing_was_seen() -> None:
-    data = flight_data(flown([*range(1000, 1101), *range(1201, 1301)]), ["h1"], [], VOLUME)
-    assert data["seconds"] == pytest.approx(6.0)
-    places = data["vehicles"][0]["flown"]
-    assert len(places) == data["samples"]
-    at_1_s = places[round(1.0 / data["step"])]
-    assert at_1_s == pytest.approx([10.5, 0.0, 1.0, 0.0], abs=0.011)
-    assert places[round(3.5 / data["step"])] is None
-    assert data["vehicles"][0]["wanted"][0] == [1.0, 0.0, 1.0]
-
-
-def test_a_playback_of_a_long_flight_stays_small() -> None:
-    data = flight_data(flown(list(range(0, 60_000, 50))), ["h1"], [], VOLUME)
-    assert data["samples"] <= MAX_SAMPLES + 1
-
-
-def test_no_text_of_a_flight_ends_the_script_of_its_playback() -> None:
-    event = LoggedEvent(0.5, "h1", "</script><b>", True)
-    element = playback("a", flown([0, 1, 2]), ["h1"], [event], VOLUME)
-    assert element.count("</script>") == 2
-    text = element.split('<script type="application/json">')[1].split("</script>")[0]
-    assert json.loads(text)["events"][0]["text"] == "h1: </script><b>"
 
 
 def test_cells_are_escaped_unless_they_are_markup_already() -> None:

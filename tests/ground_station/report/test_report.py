@@ -136,7 +136,7 @@ def test_stages_between_hosts_are_told_from_when_their_clocks_have_been_compared
         timing = passed(100.0, agent_host="other", ahead_s=ahead_s)
         flight.applied("h1", frame, 100.0031, (1500.0,), arrived_s=100.003, timing=timing)
         flight.add(channels.ROUTER_STATUS, "main", RouterStatus(links={"other": link}))
-    before, after = (times for _, times in flight.figures("h1").stages["h1"])
+    before, after = flight.figures("h1").stages["h1"]
     assert "gateway" not in before
     assert after["gateway"] == pytest.approx(1.0, abs=1e-6)
     assert after["total"] == pytest.approx(5.1, abs=1e-6)
@@ -151,21 +151,6 @@ def test_a_leader_is_judged_at_rest_and_not_while_it_flies_to_its_set_point() ->
     # Three seconds from the beginning and from the step are not counted.
     assert len(errors_m) == 50 + 50
     assert errors_m.max() == pytest.approx(0.01)
-
-
-def test_offsets_of_a_follower_are_told_beside_those_it_was_to_keep() -> None:
-    flight = Flight()
-    link = LeaderLink(leader="h1", offset_m=(-0.5, 0.1, 0.0), frame="inertial")
-    for frame in range(3):
-        flight.pose("h1", frame, (float(frame), 0.0, 1.0))
-        flight.pose("h2", frame, (frame - 0.4, 0.0, 1.0))
-        flight.plan("h2", frame, (0.0, 0.0, 1.0, 0.0), link)
-    figures = flight.figures("h1", "h2")
-    assert figures.followed("h2") == ["h1"]
-    frames, flown, wanted = figures.offsets_m("h2", "h1")
-    assert frames.tolist() == [0, 1, 2]
-    assert flown == pytest.approx(np.tile((-0.4, 0.0, 0.0, 0.0), (3, 1)))
-    assert wanted == pytest.approx(np.tile((-0.5, 0.1, 0.0, 0.0), (3, 1)))
 
 
 def pulses(number: int) -> tuple[float, ...]:
