@@ -91,7 +91,7 @@ class _Flier:
         self._wait(fleet, began_s + self._flight.seconds)
         if not watch.findings:
             self._process.turns.bus.travel = None
-            watch.landing()
+            watch.landing(clock())
             self._land(fleet)
         self.flown_s = clock() - began_s
 

@@ -23,6 +23,7 @@ FAR_M: Final = 3.0  # the same of one that is not seen where it is
 KILLED_S: Final = 0.06
 ALOFT_M: Final = 0.3
 MANY: Final = 2  # faults of processes and messages after which a vehicle may land by itself
+DOWNWARDS: Final = ("land", "descend")  # states of the arbiter
 UNSEEN: Final = frozenset({"silence", "freeze", "delay", "skip_frames", "add_noise", "close", "reset",
                            "reset_frame_id", "burst", "wrong_magic"})  # fmt: skip
 """Kinds of faults that concern the poses of all vehicles."""
@@ -61,8 +62,11 @@ class Watch:
         if happening.verb in ("land", "disarm"):
             self._may_land.add(happening.unit)
 
-    def landing(self) -> None:
-        """Note that all vehicles land now."""
+    def landing(self, at_s: float) -> None:
+        """Note that all vehicles land now; none that has to fly may be on its way down already."""
+        for name, state in self._states.items():
+            if state in DOWNWARDS and self._highest_m.get(name, 0.0) > ALOFT_M and self._has_to_fly(name):
+                self.find("flies on", at_s, f"{name} lands ({state}), and nothing requests it")
         self._may_land |= self._states.keys()
 
     def killed(self, vehicle: str, at_s: float) -> None:

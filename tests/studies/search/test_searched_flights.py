@@ -1,4 +1,4 @@
-"""The first flights of the search, and those that once broke a promise, keep all promises."""
+"""The first flights of the search, and those that broke a promise of a faulty product, keep all promises."""
 
 from pathlib import Path
 
