@@ -61,8 +61,6 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
 
 # Downward disturbance over gravity of a thrust that hovers at 1 / (1 - 0.4) of its stick.
 LOST_THRUST: Final = 0.7
-
-
 ROOM_DENSITY: Final = 2.0 * CALM  # at most, of gusts by the wakes of others
 GUSTY_DENSITY: Final = 10.0 * CALM  # of the real flight in docs/helicopter.md, as its wind beside the gusts
 GUSTY_WIND_M_S2: Final = 0.15

@@ -28,7 +28,7 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
 from rcopterx_studies.baselines.paper import PaperController, PaperSettings
 from rcopterx_studies.benchmarks.flight import Moment, record_flight
-from rcopterx_studies.benchmarks.peers import EXACT, Clarabel, PeerSolver, PiqpMultistage, PiqpSparse, Proxqp
+from rcopterx_studies.benchmarks.peers import EXACT, PIQP, PiqpMultistage, PiqpSparse
 from rcopterx_studies.benchmarks.processes import Show
 
 COAXIAL: Final = vehicle_type("coaxial").model
@@ -63,10 +63,6 @@ class Contestant:
         return CascadeController(self.model, PERIOD_S, CascadeSettings(horizon=horizon), chosen)
 
 
-def _peer(kind: type[PeerSolver]) -> Contestant:
-    return Contestant(kind, package=kind.package)
-
-
 def _osqp() -> Solver:
     return OsqpSolver(time_limit_s=1.0)  # it stops by the clock, which runs while other processes run
 
@@ -78,10 +74,8 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
         "paper": Contestant(RiccatiSolver, controller="paper"),
         "osqp": Contestant(_osqp),
         "osqp_paper": Contestant(_osqp, controller="paper"),
-        "piqp_sparse": _peer(PiqpSparse),
-        "piqp_multistage": _peer(PiqpMultistage),
-        "clarabel": _peer(Clarabel),
-        "proxqp": _peer(Proxqp),
+        "piqp_sparse": Contestant(PiqpSparse, package=PIQP),
+        "piqp_multistage": Contestant(PiqpMultistage, package=PIQP),
     }
 )
 """`cascade` is the default; peers solve its three problems, `paper` and `osqp_paper` the one of the paper."""
@@ -193,7 +187,7 @@ def _figures(steps: Sequence[tuple[float, bool, bool]]) -> dict[str, Any]:
 
 
 def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> dict[str, float | None]:
-    if find_spec("piqp") is None:
+    if find_spec(PIQP) is None:
         return {"error": None, "error_median": None}
     errors: list[float] = []
     controller = contestant.build(horizon, lambda: JudgedSolver(contestant.solver(), errors))
