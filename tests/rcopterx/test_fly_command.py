@@ -15,6 +15,7 @@ from rcopterx.ground_station.acceptance.checks import Check
 from rcopterx.ground_station.acceptance.flight import Manoeuvre
 from rcopterx.ground_station.acceptance.flight_page import write_page
 from rcopterx.ground_station.acceptance.steps import Step, in_order, refused
+from rcopterx.ground_station.scripting import observer
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
@@ -125,7 +126,7 @@ def test_a_fleet_that_is_not_ready_is_a_failure_with_the_reason(
     up: str, vehicles: Vehicles, table: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vehicles["h2"].ready = False
-    monkeypatch.setattr(Fleet.wait_ready, "__defaults__", (None, 2.0))
+    monkeypatch.setattr(observer, "STARTED_S", 2.0)
     result = run("fly", "fine", "-f", up)
     assert result.exit_code == 1
     assert "after 2 s: not ready: h2: transmitter not ready" in result.stdout
