@@ -53,9 +53,9 @@ def _compile_modules() -> list[_Result]:
         with ProcessPoolExecutor(os.cpu_count(), fork, _end_by_interrupt) as pool:
             # The forks are all begun here; Ctrl-C waits until each of them ends by it without a word.
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            results = pool.map(_compile_module, MODULES)
+            futures = [pool.submit(_compile_module, module) for module in MODULES]
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-            return list(results)
+            return [future.result() for future in futures]  # `map` would cancel them while they end
     except BrokenProcessPool as error:
         return [_Result(str(error))]
 
