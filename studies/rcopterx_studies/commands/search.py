@@ -1,11 +1,13 @@
 """Searching for flights that break a promise: `search`."""
 
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from msgspec import MsgspecError
 from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import EXIT_FAILED
@@ -16,18 +18,20 @@ if TYPE_CHECKING:
     from rcopterx_studies.search.flying import Flown
 
 app = typer.Typer(add_completion=False)
-MOST_VEHICLES: Final = 6
+FOUND = Path("found")
 
 
 def _numbers(text: str) -> tuple[int, ...]:
     """Numbers of vehicles as in `2..6` or `3`."""
+    from rcopterx_studies.search.flights import MOST
+
     first, _, last = text.partition("..")
     try:
         numbers = tuple(range(int(first), int(last or first) + 1))
     except ValueError:
         numbers = ()
-    if not numbers or not set(numbers) <= set(range(1, MOST_VEHICLES + 1)):
-        raise typer.BadParameter(f"{text!r}: allowed is N or N..M, 1 to {MOST_VEHICLES} vehicles")
+    if not numbers or not set(numbers) <= set(range(1, MOST + 1)):
+        raise typer.BadParameter(f"{text!r}: allowed is N or N..M, 1 to {MOST} vehicles")
     return numbers
 
 
@@ -39,7 +43,7 @@ class _Search:
     found: list[dict[str, Any]] = field(default_factory=list)
     flights: int = 0
     flown_s: float = 0.0
-    visited: dict[str, int] = field(default_factory=dict)
+    visited: Counter[str] = field(default_factory=Counter)
 
     def add(self, flight: "Flight", flown: "Flown", say: Progress) -> None:
         """Note a flight; shrink one that breaks a promise, and write it to a file."""
@@ -48,25 +52,22 @@ class _Search:
 
         self.flights += 1
         self.flown_s += flown.flown_s
-        for transition, count in flown.visited.items():
-            self.visited[transition] = self.visited.get(transition, 0) + count
+        self.visited.update(flown.visited)
         if not flown.findings:
             return
         promise, _, text = flown.findings[0]
-        say.say(f"{promise}: {text}; shrinking")
-        small = shrunk(flight, lambda one: any(found.promise == promise for found in fly(one).findings))
+        say.say(f"{promise}: {text}")
+
+        def breaks(smaller: "Flight") -> bool:
+            say.show(f"shrinking: {len(smaller.happenings)} happenings")
+            return any(found.promise == promise for found in fly(smaller).findings)
+
+        small = shrunk(flight, breaks)
         self.directory.mkdir(parents=True, exist_ok=True)
         path = self.directory / f"{promise}-{flight.seed}.json"
         small.save(path)
-        self.found.append(
-            {
-                "seed": flight.seed,
-                "promise": promise,
-                "text": text,
-                "happenings": len(small.happenings),
-                "file": str(path),
-            }
-        )
+        row = {"seed": flight.seed, "promise": promise, "text": text, "file": str(path)}
+        self.found.append(row | {"happenings": len(small.happenings)})
 
 
 @app.command(rich_help_panel="Try out faults")
@@ -78,11 +79,9 @@ def search(
     seed: Annotated[int, Option(metavar="N", min=0, help="Seed of the first flight.")] = 0,
     vehicles: Annotated[str, Option(metavar="N..M", help="Number of vehicles.")] = "1..3",
     types: Annotated[
-        str, Option(metavar="TYPE,TYPE,...", help="Types of the vehicles.")
+        str, Option(metavar="TYPE,TYPE,...", help="Types of the vehicles, with radios at serial ports.")
     ] = "coaxial,betaflight",
-    directory: Annotated[Path, Option(metavar="DIRECTORY", help="For flights that break a promise.")] = Path(
-        "found"
-    ),
+    directory: Annotated[Path, Option(metavar="DIRECTORY", help="For flights that break a promise.")] = FOUND,
     as_json: JsonOption = False,
 ) -> None:
     """Fly random fleets in one process until one breaks a promise, and shrink its flight.
@@ -98,7 +97,11 @@ def search(
     if files:
         broken = False
         for path in files:
-            flown = fly(read_flight(path))
+            try:
+                flight = read_flight(path)
+            except (OSError, MsgspecError) as error:
+                raise typer.BadParameter(f"{path}: no searched flight: {error}") from None
+            flown = fly(flight)
             broken = broken or bool(flown.findings)
             lines = [f"{found.promise} at {found.at_s:.3f} s: {found.text}" for found in flown.findings]
             typer.echo(f"{path}: {'; '.join(lines) or 'all promises hold'} (digest {flown.digest})")
@@ -111,12 +114,8 @@ def search(
         flown = fly(flight)
         say.say(f"{len(flight.types)} vehicles, {len(flight.happenings)} happenings, {flown.flown_s:.0f} s")
         result.add(flight, flown, say)
-    document = {
-        "flights": result.flights,
-        "flown_s": round(result.flown_s),
-        "found": result.found,
-        "transitions": dict(sorted(result.visited.items())),
-    }
+    flown_s, visited = round(result.flown_s), dict(sorted(result.visited.items()))
+    document = {"flights": result.flights, "flown_s": flown_s, "found": result.found, "transitions": visited}
     print_document(document, as_json, _text)
     if result.found:
         raise typer.Exit(EXIT_FAILED)

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rcopterx.bus.channels import SIMULATOR_UNIT
 from rcopterx.bus.processes import TRACKER, TRANSMITTERS
+from rcopterx.bus.requests import VERBS, Request
 from rcopterx.deploy.processes.table import agent_process
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetFile
@@ -25,8 +26,8 @@ TYPES: Final = ("coaxial", "betaflight")
 SECONDS: Final = 13.0  # in which things happen
 FLOWN_S: Final = 8.0  # shortest flight
 AFTER_S: Final = 3.0  # time after the last happening until all land
-MOST: Final = 6  # vehicles that have places in the volume
 PLACES_M: Final = ((0.0, 0.0), (-0.6, 0.6), (-0.6, -0.6), (0.6, 0.6), (0.6, -0.6), (-0.9, 0.0))
+MOST: Final = len(PLACES_M)  # vehicles that have places in the volume
 WEATHER: Final = ("helicopter", "helicopters")
 FILE: Final = """
 name = "searched"
@@ -102,7 +103,18 @@ class Flight(Struct, frozen=True, forbid_unknown_fields=True):
 
 def read_flight(path: Path) -> Flight:
     """Read a flight; raises `OSError` and `msgspec.MsgspecError`."""
-    return msgspec.json.decode(path.read_bytes(), type=Flight)
+    flight = msgspec.json.decode(path.read_bytes(), type=Flight)
+    for happening in flight.happenings:
+        if happening.verb not in (END, STOP, IMPAIR, UP, PROMOTE):
+            request_of(happening)
+    return flight
+
+
+def request_of(happening: Happening) -> Request:
+    """Return the request that a happening is; raises `msgspec.ValidationError`."""
+    if happening.verb not in VERBS:
+        raise msgspec.ValidationError(f"no happening {happening.verb!r}")
+    return msgspec.convert(happening.fields, VERBS[happening.verb].request)
 
 
 def drawn_flight(seed: int, vehicles: Sequence[int] = (1, 2, 3), types: Sequence[str] = TYPES) -> Flight:
@@ -183,15 +195,7 @@ def _messages(chance: random.Random, _: list[str]) -> Drawn:
 def _pose(chance: random.Random, names: list[str]) -> Drawn:
     subject, kind = chance.choice(names), chance.choice(POSE_FAULTS)
     fault: dict[str, Any] = {"kind": kind, "duration_s": round(chance.uniform(0.04, 4.0), 2)}
-    if kind in (
-        "occlude",
-        "remove_subject",
-        "freeze_pose",
-        "displace_pose",
-        "turn_pose",
-        "swap_subjects",
-        "stand_in",
-    ):
+    if kind in OF_SUBJECT:
         fault["subject"] = subject
     if kind == "displace_pose":
         fault["offset_m"] = [round(chance.uniform(-0.5, 0.5), 2) for _ in range(3)]
@@ -203,13 +207,9 @@ def _pose(chance: random.Random, names: list[str]) -> Drawn:
 
 
 def _radio(chance: random.Random, names: list[str]) -> Drawn:
-    condition = chance.choice(("unplugged", "adapter", "off"))
-    fault = {
-        "kind": "break_radio",
-        "vehicle": chance.choice(names),
-        "condition": condition,
-        "duration_s": round(chance.uniform(0.05, 1.5), 2),
-    }
+    condition, vehicle = chance.choice(("unplugged", "adapter", "off")), chance.choice(names)
+    fault: dict[str, Any] = {"kind": "break_radio", "vehicle": vehicle, "condition": condition}
+    fault["duration_s"] = round(chance.uniform(0.05, 1.5), 2)
     return "inject", SIMULATOR_UNIT, {"faults": [{"at_s": 0.0, "fault": fault}]}
 
 
@@ -218,10 +218,10 @@ def _tracker(chance: random.Random, _: list[str]) -> Drawn:
     return "inject", SIMULATOR_UNIT, {"faults": [{"at_s": 0.0, "fault": {"kind": kind}}]}
 
 
-POSE_FAULTS: Final = (
-    "occlude", "remove_subject", "freeze_pose", "stand_in", "displace_pose", "turn_pose", "swap_subjects",
-    "silence", "freeze", "delay", "skip_frames", "add_noise",
+OF_SUBJECT: Final = (
+    "occlude", "remove_subject", "freeze_pose", "stand_in", "displace_pose", "turn_pose", "swap_subjects"
 )  # fmt: skip
+POSE_FAULTS: Final = (*OF_SUBJECT, "silence", "freeze", "delay", "skip_frames", "add_noise")
 KINDS: Final[Mapping[Callable[[random.Random, list[str]], Drawn], float]] = {
     _request: 6.0, _promotion: 2.0, _kill: 0.5, _process: 4.0, _messages: 2.0, _pose: 2.0, _radio: 0.7,
     _tracker: 1.0,

@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-from msgspec import convert
-
-from rcopterx.bus.requests import VERBS
 from rcopterx.bus.session import RawMessage
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -18,12 +15,12 @@ from rcopterx_studies.faults.flight_promises import NEEDED, broken_promises
 from rcopterx_studies.faults.promise import OFF
 from rcopterx_studies.replay.digest import DIGESTED
 from rcopterx_studies.search import flights
-from rcopterx_studies.search.flights import Flight, Happening
+from rcopterx_studies.search.flights import Flight, Happening, request_of
 from rcopterx_studies.search.memory_bus import Travel
 from rcopterx_studies.search.one_process import OneProcess, in_one_process
 from rcopterx_studies.search.watch import Finding, Watch
 
-DOWN_S: Final = 30.0  # by then everything that was told to land stands on the floor
+DOWN_S: Final = 30.0  # by then everything that was requested to land stands on the floor
 
 
 class Flown(NamedTuple):
@@ -119,7 +116,7 @@ class _Flier:
             case verb:
                 if verb == "kill":
                     self._watch.killed(unit, session.clock())
-                session.request(unit, convert(fields, VERBS[verb].request))
+                session.request(unit, request_of(happening))
 
     def _land(self, fleet: Fleet) -> None:
         """Land all vehicles; each has to stand with its motors off in time."""

@@ -51,17 +51,18 @@ from rcopterx_studies.search.turns import Process, Turns
 
 
 class OneProcess:
-    """The processes of a fleet in lockstep, by name in `turns`; `store` gets every message on its bus."""
+    """The processes of a fleet in lockstep, by name in `turns`; `FleetError` if it cannot be simulated."""
 
     def __init__(
         self,
         file: FleetFile,
         directory: Path,  # its run directory
-        store: Callable[[RawMessage], None],
+        store: Callable[[RawMessage], None],  # gets every message on its bus
         without: Collection[str] = (),  # vehicles that can join later
     ) -> None:
         self._file, (self._host,) = file, file.hosts
         self._directory, self._store = directory, store
+        self._simulator = simulator_settings(file, directory)
         self._done = False
         processes: dict[str, Process] = {
             SIMULATOR: self._simulate,
@@ -91,9 +92,9 @@ class OneProcess:
                 self._answer_identity()
                 with Session(bus_address(self._file, self._host)) as session:
                     session.tap(self._store)
-                    turns.start(SIMULATOR)
-                    while not self._done and turns.resume(SIMULATOR):
-                        pass
+                    runs = turns.start(SIMULATOR)
+                    while runs and not self._done:
+                        runs = turns.resume(SIMULATOR)
         finally:
             remove_page(turns.page)
             remove_states(self._file.vehicles, self._directory)
@@ -120,7 +121,7 @@ class OneProcess:
             self._done = True
 
     def _simulate(self) -> None:
-        settings = simulator_settings(self._file, self._directory)
+        settings = self._simulator
         with (
             Session(settings.bus, interrupted=lambda: self._done) as session,
             closing(Simulator(settings, session)) as simulator,

@@ -113,10 +113,10 @@ class Turns:
         self._participants.setdefault(process, []).append(participant)
         return participant
 
-    def start(self, name: str) -> None:
-        """Start a process, until its first turn."""
+    def start(self, name: str) -> bool:
+        """Start a process, until its first turn; return False if it has ended."""
         self._running[name] = greenlet(self.processes[name])
-        self.resume(name)
+        return self.resume(name)
 
     def resume(self, name: str) -> bool:
         """Let a process run until it waits for its next turn; return False if it has ended."""
