@@ -141,8 +141,8 @@ class EmulatedAutopilot(UdpVehicle):
             self._posed_s, self._strays = now_s, False
         if kind == "PARAM_REQUEST_READ" and packet.param_id in self.parameters:
             value, number = self.parameters[packet.param_id], len(self.parameters)
-            name, kind = packet.param_id.encode(), mavlink.MAV_PARAM_TYPE_REAL32
-            return [packed(self._mav, mavlink.MAVLink_param_value_message(name, value, kind, number, 0))]
+            name, real = packet.param_id.encode(), mavlink.MAV_PARAM_TYPE_REAL32
+            return [packed(self._mav, mavlink.MAVLink_param_value_message(name, value, real, number, 0))]
         if kind != "COMMAND_LONG":
             return []
         result, refusal = self._command(packet, now_s)
@@ -269,7 +269,9 @@ class EmulatedAutopilot(UdpVehicle):
             return mavlink.MAVLink_sys_status_message(
                 enabled, enabled, healthy, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
             )
-        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED * self.armed
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if self.armed:
+            flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
         state = mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY
         kind, autopilot = mavlink.MAV_TYPE_QUADROTOR, self._obeying.autopilot
         return mavlink.MAVLink_heartbeat_message(kind, autopilot, flags, self.mode, state, 3)
@@ -314,7 +316,8 @@ class EmulatedAutopilot(UdpVehicle):
         if lands:
             self.mode, self._failed_s = LANDING[ARDUPILOT], now_s
         self._said += _texts("EKF variance: position lost")
-        self._said += _texts("EKF Failsafe" * self.armed + ": changed to Land Mode" * lands)
+        if self.armed:
+            self._said += _texts("EKF Failsafe: changed to Land Mode" if lands else "EKF Failsafe")
 
     def _note(self, now_s: float) -> None:
         """Note what the vehicle gets if it has changed."""

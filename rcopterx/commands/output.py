@@ -5,7 +5,6 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from importlib.util import find_spec
-from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -115,19 +114,6 @@ class Progress:
     def _print(self, text: str, nl: bool = True) -> None:
         clear = "\r\x1b[K" if self._live else ""
         typer.echo(f"{clear}{self._head}: {text}", err=True, nl=nl)
-
-
-def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) -> str:
-    """Return a picture as an SVG element, `size` in inches; `draw` is called with an empty figure."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    # Text stays text; identifiers of elements depend on the name, so that a page can have many pictures.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "font.size": 8}):
-        figure, text = Figure(figsize=size), StringIO()
-        draw(figure)
-        figure.savefig(text, format="svg", metadata={"Date": None}, bbox_inches="tight")
-    return text.getvalue()[text.getvalue().index("<svg") :]
 
 
 def write_plot(draw: Callable[[Any], None], path: Path | None) -> None:

@@ -1,7 +1,6 @@
 """Flying a task with all processes of a fleet, in lockstep, with bus and protocols of the hardware."""
 
 import os
-import socket
 from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -28,6 +27,7 @@ from rcopterx_studies.experiments.knowledge import COAXIAL
 from rcopterx_studies.experiments.record import FlightRecord, VehicleRecord, station_of
 from rcopterx_studies.experiments.rig import PERIOD_S, Progress
 from rcopterx_studies.experiments.schemes import FlownScheme
+from support.bus import free_port
 
 RECORDED: Final = (channels.LABORATORY, channels.PLAN, channels.SCHEME, channels.AGENT_STATUS)
 STEADY_S: Final = 3.0  # from the formation at the start to the beginning of the task
@@ -60,9 +60,7 @@ def fly_with_processes(
 
 def fleet_table(scheme: FlownScheme, task: ArenaTask, conditions: Conditions, seed: int) -> dict[str, Any]:
     """Fleet file for a task, on a free port and in a namespace of its own."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     rough = task.turbulence * np.array(conditions.turbulence_rms)
     own = asdict(replace(conditions, turbulence_rms=tuple(rough.tolist())))
     real = ("transport_delay_s", "radio_period_s", "volume_min_m", "volume_max_m")

@@ -8,13 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.commands.output import svg_of
 from rcopterx.ground_station.acceptance.pages import link, write_page
 from rcopterx.ground_station.report.document import table
 from rcopterx_studies.arena.flying import FlownTask
 from rcopterx_studies.arena.tasks import TASKS
 from rcopterx_studies.experiments.runner import FlightResult
-from rcopterx_studies.figures import finish_figure
+from rcopterx_studies.figures import finish_figure, svg_of
 
 Rows = Mapping[str, Mapping[str, Any]]  # figures by scheme
 HEAD: Final = (

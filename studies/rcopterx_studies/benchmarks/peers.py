@@ -10,7 +10,6 @@ from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import rated
 from rcopterx.control.solver.osqp import SparseQP
 from rcopterx.control.solver.problem import OptimalControlProblem, Solution
-from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6  # looser ones leave inputs a hundredth of their range from the solution
 EXACT: Final = 1e-9
@@ -41,12 +40,6 @@ class PiqpSparse:
         first = self._qp is None or not self._qp.fits(p)
         qp = SparseQP(p) if self._qp is None or first else self._qp
         self._qp = qp
-        z, iterations, optimal = self._run(qp, p, first)
-        plan = qp.plan_of(z, p)
-        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
-
-    def _run(self, qp: SparseQP, p: OptimalControlProblem, first: bool) -> tuple[Array, int, bool]:
-        """Return variables, iterations, and whether the tolerance is met."""
         constraints, (low, high), n = qp.constraints(p).tocsr(), qp.bounds(p), qp.equalities
         numbers = (qp.hessian(p), qp.gradient(p), constraints[:n].tocsc(), low[:n])
         bounds = (constraints[n:].tocsc(), low[n:], high[n:])
@@ -61,7 +54,8 @@ class PiqpSparse:
             names = ("P", "c", "A", "b", "G", "h_l", "h_u")
             self._peer.update(**dict(zip(names, (*numbers, *bounds), strict=True)))
         status, result = self._peer.solve(), self._peer.result
-        return np.array(result.x), int(result.info.iter), bool(status == self._module.PIQP_SOLVED)
+        plan, solved = qp.plan_of(np.array(result.x), p), bool(status == self._module.PIQP_SOLVED)
+        return rated(p, plan, np.zeros(plan.y.shape), int(result.info.iter), solved)
 
 
 class PiqpMultistage(PiqpSparse):

@@ -33,9 +33,7 @@ def wake_ups(pid: int) -> int:
     """How often all threads of a process have waited and gone on (proc(5), task/TID/status)."""
     total = 0
     for status in Path(f"/proc/{pid}/task").glob("*/status"):
-        try:
+        with suppress(OSError):
             lines = status.read_text().splitlines()
-        except OSError:
-            continue
-        total += sum(int(line.split()[1]) for line in lines if line.startswith("voluntary_ctxt_switches"))
+            total += sum(int(line.split()[1]) for line in lines if line.startswith("voluntary_ctxt_switches"))
     return total

@@ -12,9 +12,7 @@ from rcopterx_studies.commands.options import different_numbers, known_names
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 
-RoundsOption = Annotated[int, typer.Option(metavar="N", min=1, help="Measurements of each kind.")]
 SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
-HorizonOption = Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")]
 
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
@@ -58,7 +56,7 @@ def scale(
     vehicles: Annotated[
         str, typer.Option(metavar="N,N,...", help="Numbers of vehicles.")
     ] = "3,6,8,10,12,14,16",
-    horizon: HorizonOption = 30,
+    horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
     seconds: SecondsOption = 60.0,
     rate: Annotated[
         float,
@@ -88,7 +86,7 @@ def cost(
     only: Annotated[
         str, typer.Option(metavar="NAME,NAME,...", help="Trials: six vehicles, trio, radio, step, largest.")
     ] = "six,trio,radio,step",
-    rounds: RoundsOption = 3,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Measurements of each kind.")] = 3,
 ) -> None:
     """Compare this checkout with another one in alternating runs: load, latency, memory."""
     from rcopterx_studies.benchmarks.cost import TRIALS, run, table
