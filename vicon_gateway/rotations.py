@@ -13,15 +13,21 @@ NORM_TOLERANCE = 1e-3  # a matrix whose quaternion's squared norm is further fro
 def quaternion_from_matrix(matrix: Sequence[float]) -> Quaternion | None:
     """Convert a row-major rotation matrix to x, y, z, w >= 0 (Shepperd's method); None if it is none."""
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix
-    # For a rotation each row is the quaternion times four of its components; by the largest nothing is lost
-    # to cancellation.
-    rows = (
-        (1.0 + m00 - m11 - m22, m01 + m10, m02 + m20, m21 - m12),
-        (m01 + m10, 1.0 + m11 - m00 - m22, m12 + m21, m02 - m20),
-        (m02 + m20, m12 + m21, 1.0 + m22 - m00 - m11, m10 - m01),
-        (m21 - m12, m02 - m20, m10 - m01, 1.0 + m00 + m11 + m22),
-    )
-    root, (x, y, z, w) = max((row[number], row) for number, row in enumerate(rows))
+    trace = m00 + m11 + m22
+    # The divisor must be one of the larger components, so that nothing is lost to cancellation.
+    if trace > 0.0:
+        root = 1.0 + trace
+        x, y, z, w = m21 - m12, m02 - m20, m10 - m01, root
+    elif m00 >= m11 and m00 >= m22:
+        root = 1.0 + m00 - m11 - m22
+        x, y, z, w = root, m01 + m10, m02 + m20, m21 - m12
+    elif m11 >= m22:
+        root = 1.0 + m11 - m00 - m22
+        x, y, z, w = m01 + m10, root, m12 + m21, m02 - m20
+    else:
+        root = 1.0 + m22 - m00 - m11
+        x, y, z, w = m02 + m20, m12 + m21, root, m10 - m01
+    # For a rotation the components so far are 2 sqrt(root) times the quaternion.
     squared = x * x + y * y + z * z + w * w
     expected = 4.0 * root
     if not (root > 0.0 and abs(squared - expected) <= NORM_TOLERANCE * expected):
