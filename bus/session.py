@@ -175,7 +175,7 @@ class Session:
     def begin(self, start_limit_s: float | None = None) -> None:
         """Take the first turn in lockstep; with a limit once all other processes are there.
 
-        Raises `TimeoutError`: some are missing after this real time; the session takes no turns then.
+        Raises `TimeoutError`: some are missing after this real time; the session is closed then.
         """
         if self.participant is None:
             return
@@ -183,7 +183,7 @@ class Session:
             if start_limit_s is not None:
                 self.participant.await_others(start_limit_s)
         except TimeoutError:
-            self.participant.leave()
+            self.close()
             raise
         self.participant.begin()
 

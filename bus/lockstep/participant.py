@@ -87,10 +87,12 @@ class Participant:
         return [participant.name.decode() for participant in others if participant.missing(page.time_s)]
 
     def leave(self) -> None:
-        """Take no further turns."""
+        """Take no further turns, and release the pipes."""
         self._own.wanted = 0
         self.page.release(self.index)
         self._notify(self._scheduler)
+        for pipe in (self._pipe, self._scheduler):
+            os.close(pipe)
 
     def stamp(self, key: str) -> bytes:
         """Count what is about to be sent on a key, and return its attachment."""

@@ -40,6 +40,12 @@ class Scheduler(Participant):
         self._acted = True
         return super().wait(timeout_s, descriptors)
 
+    def leave(self) -> None:
+        """See `Participant`."""
+        super().leave()
+        for pipe in self._pipes:
+            os.close(pipe)
+
     def _take_turn(self) -> bool:
         """Let the others take the present turn, and begin the next one."""
         page, now_s = self.page, self.page.now()

@@ -39,7 +39,6 @@ class CheckpointService(Service):
         if guard.vehicles:
             self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False).inboxes
         self._session.serve(address.host, ["recall"])
-        self.start()
 
     def _of_each(self, channel: Channel[M]) -> Mapping[str, Inbox[M]]:
         vehicles = self._guard.vehicles

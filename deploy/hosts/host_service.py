@@ -57,7 +57,6 @@ class HostService(Service):
         self._session.serve(self._host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
         if begin is not None:
             self._session.serve(self._host, ["start_host", "stop_host"])
-        self.start()
 
     def _due_s(self) -> float:
         return self._report_at_s

@@ -186,13 +186,13 @@ class Launcher(AbstractContextManager["Launcher"]):
         # An agent that restarts in flight waits for its answer.
         self._checkpoint = call_in_realtime(
             Priority.GATEWAY.of(fleet),
-            lambda: CheckpointService(address, list(vehicles), quick_deaths, Guard(host, turns)),
+            CheckpointService(address, list(vehicles), quick_deaths, Guard(host, turns)).start,
         )
         begin = self._begin_flight if self._idle else None
         home, logs = home_of(fleet, host), self.directory / "log"
         self._host_service = HostService(
             address, supervisor, self._capacity, self._unpublished, home, logs, begin
-        )
+        ).start()
 
     def _begin_flight(self) -> None:
         """Name the flight log that recorders write from now on."""

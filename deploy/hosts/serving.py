@@ -3,24 +3,27 @@
 import threading
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from typing import Self
 
 from rcopterx.bus.session import BusAddress, Session
 
 
 class Service(ABC):
-    """A session, and the thread that serves it from `start` on."""
+    """A session that is served by `serve`, or in a thread of its own from `start` on."""
 
     def __init__(self, address: BusAddress, name: str, timeout_s: float = 5.0) -> None:
         self._stopping = False
         address = replace(address, process=name)
         self._session = Session(address, timeout_s=timeout_s, begin=False, interrupted=lambda: self._stopping)
-        self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
+        self._thread = threading.Thread(target=self.serve, name=name, daemon=True)
 
-    def start(self) -> None:
+    def start(self) -> Self:
         """Begin to serve."""
         self._thread.start()
+        return self
 
-    def _serve(self) -> None:
+    def serve(self) -> None:
+        """Answer requests until it is stopped."""
         self._session.begin()
         while not self._stopping:
             self._session.wait(max(0.0, self._due_s() - self._session.clock()))
@@ -38,7 +41,8 @@ class Service(ABC):
         """Answer no more requests."""
         self._stopping = True
         self._session.wake()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
 
     def close(self) -> None:
         """Leave the bus."""

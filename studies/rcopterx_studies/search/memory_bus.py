@@ -1,6 +1,7 @@
 """A bus in memory: what a session uses of Zenoh, for all sessions of one process."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import zenoh
@@ -62,12 +63,12 @@ class MemoryQuery:
         self._answer(MemoryReply(None, MemorySample(self.key_expr, Content(payload), Content())))
 
 
-class _Receiver(NamedTuple):
-    """A subscriber or queryable of a session."""
+@dataclass(frozen=True, eq=False)
+class _Receiver:
+    """A subscriber or queryable of a session; the bus keeps what it calls, until it is forgotten."""
 
     session: "MemorySession"
     key: zenoh.KeyExpr
-    call: Callable[[Any], object]
 
     def undeclare(self) -> None:
         """End it."""
@@ -79,8 +80,8 @@ class MemoryBus:
 
     def __init__(self) -> None:
         self.travel: Travel | None = None
-        self.subscribers: list[_Receiver] = []
-        self.queryables: list[_Receiver] = []
+        self.subscribers: dict[_Receiver, Callable[[Any], object]] = {}
+        self.queryables: dict[_Receiver, Callable[[Any], object]] = {}
         self._keys: dict[str, zenoh.KeyExpr] = {}
         self._matching: dict[str, list[_Receiver]] = {}
 
@@ -111,7 +112,7 @@ class MemoryBus:
             arrivals = [STAMP.pack(number, counter, sender, time_s) for time_s in times_s]
         for subscriber in self._matching[key]:
             for stamped in arrivals if subscriber.session.takes_turns else [attachment]:
-                subscriber.call(MemorySample(key_expr, Content(payload), Content(stamped)))
+                self.subscribers[subscriber](MemorySample(key_expr, Content(payload), Content(stamped)))
 
 
 class MemorySession:
@@ -126,15 +127,15 @@ class MemorySession:
 
     def declare_subscriber(self, key: str, handler: Callable[[Any], object], **_: object) -> _Receiver:
         """Receive what is sent on a key."""
-        receiver = _Receiver(self, self._bus.key(key), handler)
-        self._bus.subscribers.append(receiver)
+        receiver = _Receiver(self, self._bus.key(key))
+        self._bus.subscribers[receiver] = handler
         self._bus.changed()
         return receiver
 
     def declare_queryable(self, key: str, handler: Callable[[Any], object], **_: object) -> _Receiver:
         """Answer requests on a key."""
-        receiver = _Receiver(self, self._bus.key(key), handler)
-        self._bus.queryables.append(receiver)
+        receiver = _Receiver(self, self._bus.key(key))
+        self._bus.queryables[receiver] = handler
         return receiver
 
     def get(
@@ -150,17 +151,18 @@ class MemorySession:
         key_expr = self._bus.key(key)
         sample = MemorySample(key_expr, Content(payload), Content(attachment))
         for queryable in [each for each in self._bus.queryables if each.key.intersects(key_expr)]:
-            queryable.call(MemoryQuery(sample, handler or replies.append))
+            self._bus.queryables[queryable](MemoryQuery(sample, handler or replies.append))
         return replies
 
     def forget(self, receiver: _Receiver) -> None:
         """End a subscriber."""
-        self._bus.subscribers = [each for each in self._bus.subscribers if each is not receiver]
+        self._bus.subscribers.pop(receiver, None)
         self._bus.changed()
 
     def close(self) -> None:
         """Leave the bus, as the end of a process does."""
         bus = self._bus
-        bus.subscribers = [each for each in bus.subscribers if each.session is not self]
-        bus.queryables = [each for each in bus.queryables if each.session is not self]
+        for receivers in (bus.subscribers, bus.queryables):
+            for receiver in [each for each in receivers if each.session is self]:
+                del receivers[receiver]
         bus.changed()

@@ -18,7 +18,7 @@ from rcopterx.agents.process import Agent
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import own_heartbeat
-from rcopterx.bus.lockstep.page import create_page, remove_page
+from rcopterx.bus.lockstep.page import create_page, opened_page, remove_page
 from rcopterx.bus.processes import CHECKPOINT, HOST_SERVICE, SCRIPT, SIMULATOR, TRACKER
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import RawMessage, Session
@@ -97,6 +97,7 @@ class OneProcess:
                         runs = turns.resume(SIMULATOR)
         finally:
             remove_page(turns.page)
+            opened_page.cache_clear()
             remove_states(self._file.vehicles, self._directory)
         for error in errors:
             raise error
@@ -167,15 +168,17 @@ class OneProcess:
 
     def _keep_intents(self) -> None:
         children = self._supervisor.children
-        CheckpointService(
+        service = CheckpointService(
             bus_address(self._file, self._host),
             list(self._file.vehicles),
             lambda vehicle: children[agent_process(vehicle)].quick_deaths,
             Guard(self._host, {}),
         )
+        with closing(service):
+            service.serve()
 
     def _serve_host(self) -> None:
-        HostService(
+        service = HostService(
             bus_address(self._file, self._host),
             self._supervisor,
             HostCapacity(self._supervisor, None),
@@ -183,6 +186,8 @@ class OneProcess:
             list(self._file.vehicles),
             self._directory / "log",
         )
+        with closing(service):
+            service.serve()
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """Processes of a fleet in lockstep as greenlets of one process: one after the other takes its turn."""
 
-import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from math import inf
@@ -16,7 +15,6 @@ from rcopterx.bus.lockstep.page import ParticipantState, opened_page
 from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.bus.lockstep.scheduler import STEP_S, Scheduler
 from rcopterx.bus.processes import SIMULATOR
-from rcopterx.deploy.hosts.serving import Service
 from rcopterx_studies.search.memory_bus import MemoryBus
 
 Process = Callable[[], None]
@@ -24,11 +22,6 @@ Process = Callable[[], None]
 
 class _InTurn(Participant):
     """Passes the processor on where a process of its own would wait for its pipe."""
-
-    def close(self) -> None:
-        """Release the pipes, as the end of a process does."""
-        for pipe in (self._pipe, self._scheduler):
-            os.close(pipe)
 
     def _notify(self, pipe: int) -> None:
         pass
@@ -48,6 +41,11 @@ class _InCharge(_InTurn, Scheduler):
     """Starts what is missing, and gives turns by switching to it."""
 
     turns: "Turns"
+
+    def leave(self) -> None:
+        """See `Participant`; the others have no pipes."""
+        self._pipes.clear()
+        super().leave()
 
     def _wait_for_participants(self) -> None:
         page = self.page
@@ -86,19 +84,14 @@ class Turns:
         self.page, self.processes, self.bus = page, processes, MemoryBus()
         self.failures: list[Failure] = []
         self._running: dict[str, greenlet] = {}
-        self._participants: dict[str, list[_InTurn]] = {}
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
-        """Let sessions that are opened meanwhile use the bus in memory, and take turns here.
-
-        Services of the launcher serve in the process that makes them, in place of threads of their own.
-        """
+        """Let sessions that are opened meanwhile use the bus in memory, and take turns here."""
         try:
             with (
                 patch.object(session, "opened", self.bus.open),
                 patch.object(scheduler, "participant_of", self._participant_of),
-                patch.object(Service, "start", Service._serve),
             ):
                 yield
         finally:
@@ -110,7 +103,6 @@ class Turns:
         participant = kind(opened_page(page), process, await_subscriptions)
         if isinstance(participant, _InCharge):
             participant.turns = self
-        self._participants.setdefault(process, []).append(participant)
         return participant
 
     def start(self, name: str) -> bool:
@@ -128,7 +120,7 @@ class Turns:
             self.failures.append(Failure(opened_page(self.page).now(), name, error))
             self._state(name).wanted = 1
         if running.dead:
-            self._release(name)
+            del self._running[name]
         return not running.dead
 
     def end(self, name: str) -> None:
@@ -137,14 +129,9 @@ class Turns:
         wanted, running.parent = state.wanted, getcurrent()
         running.throw(GreenletExit)
         state.wanted = wanted
-        self._release(name)
+        del self._running[name]
 
     def _state(self, name: str) -> ParticipantState:
         page = opened_page(self.page)
         state: ParticipantState = page.participants[page.index_of(name)]
         return state
-
-    def _release(self, name: str) -> None:
-        del self._running[name]
-        for participant in self._participants.pop(name, ()):
-            participant.close()

@@ -1,5 +1,6 @@
 """Promises of lockstep: time waits for all processes, and messages count in the same order on every run."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -133,6 +134,14 @@ def test_waiting_for_other_processes_ends_with_the_names_of_those_that_do_not_st
         script.await_others(0.2)
     join_without_turns(page.path, "b")
     script.await_others(0.0)
+    script.leave()
+
+
+def test_processes_that_leave_keep_no_descriptors(page: LockstepPage) -> None:
+    held = os.listdir("/proc/self/fd")
+    threads = started(Script("a", [0.01]), Script("b", [0.01]), page=page)
+    conduct(page, lambda: not any(thread.is_alive() for thread in threads))
+    assert os.listdir("/proc/self/fd") == held
 
 
 def test_a_process_takes_no_turns_without_anything_to_do(page: LockstepPage) -> None:
@@ -274,6 +283,7 @@ def test_messages_count_in_the_same_order_however_they_arrive(
         for key in set(keys):
             numbers = [STAMP.unpack(sample.stamp or b"")[0] for sample in seen if sample.key_expr == key]
             assert numbers == list(range(1, len(numbers) + 1))
+        scheduler.leave()
 
 
 def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: LockstepPage) -> None:

@@ -30,7 +30,7 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
 ) -> None:
     service = CheckpointService(
         replace(bus_address, host="main"), ["h1", "h2"], {"h1": 2, "h2": 0}.__getitem__, Guard("main", {})
-    )
+    ).start()
     agent = join()
 
     def recalled() -> RecallReply:
@@ -79,7 +79,7 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
 ) -> None:
     service = CheckpointService(
         replace(bus_address, host="spare"), ["h1"], lambda _: 0, Guard("spare", {"h1": 0})
-    )
+    ).start()
     other = join()
     launcher = LauncherStatus(running=("h1",), absent=())
 
@@ -104,7 +104,7 @@ def test_frames_of_guarded_vehicles_are_received_and_of_others_not(
 ) -> None:
     service = CheckpointService(
         replace(bus_address, host="spare"), ["h1", "h2"], lambda _: 0, Guard("spare", {"h1": 0})
-    )
+    ).start()
     gateway = join()
 
     def received() -> bool:

@@ -60,7 +60,8 @@ def serving(
     events: Collection[str] = (),
 ) -> HostService:
     address = replace(address, host="main")
-    return HostService(address, supervisor, HostCapacity(supervisor, None), deque(events), home, logs, begin)
+    capacity = HostCapacity(supervisor, None)
+    return HostService(address, supervisor, capacity, deque(events), home, logs, begin).start()
 
 
 @pytest.fixture
@@ -98,7 +99,7 @@ def test_the_launcher_says_while_it_measures_what_the_host_flies(
 ) -> None:
     session, capacity = join(), HostCapacity(supervisor, None)
     address = replace(bus_address, host="main")
-    service = HostService(address, supervisor, capacity, deque(), ["h1"], tmp_path)
+    service = HostService(address, supervisor, capacity, deque(), ["h1"], tmp_path).start()
     try:
         assert status_of(session, lambda _: True).control_every == 1
         capacity.measuring = True

@@ -1,5 +1,7 @@
 """The search finds faults that are planted in the product, and nothing in the product as it is."""
 
+import gc
+import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -9,6 +11,7 @@ from unittest.mock import patch
 
 import pytest
 
+from rcopterx.bus.session import Session
 from rcopterx.transmitter_gateway import radios, transitions
 from rcopterx.transmitter_gateway.command_validator import Leases
 from rcopterx.transmitter_gateway.inputs import State
@@ -101,6 +104,18 @@ def test_a_process_that_ends_with_an_exception_is_found_and_replaced() -> None:
     with patch.object(EpochCounter, "stamp", side_effect=ArithmeticError("planted")):
         findings = flown(354).findings
     assert [finding.promise for finding in findings] == ["exception"]
+
+
+def test_flights_keep_nothing() -> None:
+    def held() -> tuple[int, int]:
+        gc.collect()
+        sessions = [each for each in gc.get_objects() if isinstance(each, Session)]
+        return len(os.listdir("/proc/self/fd")), len(sessions)
+
+    flown(277)
+    before = held()
+    flown(277)
+    assert held() == before
 
 
 def test_a_flight_has_the_same_bits_again() -> None:
