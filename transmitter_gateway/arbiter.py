@@ -32,7 +32,7 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.landing import Motion, Touchdown
-from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
+from rcopterx.transmitter_gateway.output_limiter import HoverThrust, OutputLimiter
 from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.standing import Standing
 from rcopterx.transmitter_gateway.take_over import take_over_problem
@@ -91,9 +91,9 @@ class Arbiter:
         return self.leases.bid(agent, now_s, fresh=self._validator.fresh(now_s), take_over=take_over)
 
     @property
-    def hover_thrust(self) -> float:
+    def hover(self) -> HoverThrust:
         """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
-        return self._limiter.hover.value
+        return self._limiter.hover
 
     @property
     def grounded(self) -> bool:
@@ -182,7 +182,7 @@ class Arbiter:
             problem = f"{self.state} now"
         if problem is None:
             self.commanded = last.commanded
-            self._limiter.take_over(last.u, last.hover_thrust)
+            self._limiter.take_over(last.u, last.hover_thrust, last.hover_known_s)
             self.lift_off.begin(proved=last.lifted, thrust=self._limiter.u[THRUST])
             distrust = "own pose jumped before a restart" if last.mistaken else None
             self.pose_monitor.take_over(distrust)

@@ -109,6 +109,7 @@ class LastApplied(Struct, frozen=True, array_like=True):
     grounded: bool = False  # whether low thrust has lasted so long that the vehicle stood on the floor
     watched: bool = False  # whether a watchdog of the firmware waits for frames
     lifted: bool = True  # whether its pose had proved the lift-off
+    hover_known_s: float = 0.0  # for how long it was seen in the air
 
 
 class Answer(Struct, frozen=True):

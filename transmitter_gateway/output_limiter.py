@@ -63,7 +63,7 @@ class HoverThrust:
     flight so far, at first of all of it, then a low-pass.
 
     `gain_m_s2` is the vertical acceleration per thrust of a vehicle that hovers as calibrated. `climb_m_s` is
-    the climb rate, predicted while a vehicle that flew is not seen.
+    the climb rate, predicted while a vehicle that flew is not seen. `known_s` is for how long it was seen.
     """
 
     def __init__(self, calibrated: float, largest_correction: float, gain_m_s2: float) -> None:
@@ -73,10 +73,10 @@ class HoverThrust:
         self._weight_m_s2 = gain_m_s2 * calibrated
         self.begin(calibrated, 0.0)
 
-    def begin(self, first: float, acting: float) -> None:
-        """Begin a flight while a thrust acts; `first` counts as `PRIOR_S` of flight at that hover thrust."""
-        self._mean_thrust, self._acting = first, acting
-        self._mean_m_s2 = self._known_s = self._seen_s = self.climb_m_s = 0.0
+    def begin(self, first: float, acting: float, known_s: float = 0.0) -> None:
+        """Begin while a thrust acts; `first` is the hover thrust of `PRIOR_S` and `known_s` of flight."""
+        self._mean_thrust, self._acting, self.known_s = first, acting, known_s
+        self._mean_m_s2 = self._seen_s = self.climb_m_s = 0.0
 
     @property
     def value(self) -> float:
@@ -91,7 +91,7 @@ class HoverThrust:
 
     def below(self, share: float) -> float:
         """Thrust that surely sinks: less than `value` by a share of it, and by its doubt."""
-        doubt = PRIOR_DOUBT * PRIOR_S / (PRIOR_S + self._known_s)
+        doubt = PRIOR_DOUBT * PRIOR_S / (PRIOR_S + self.known_s)
         return self.value * (1.0 - share - doubt)
 
     def note(self, thrust: float, elapsed_s: float, climb_m_s: float | None) -> None:
@@ -104,14 +104,14 @@ class HoverThrust:
         self._seen_s += elapsed_s
         if climb_m_s is None:
             self._seen_s = 0.0
-            if self._known_s > 0.0:
+            if self.known_s > 0.0:
                 self.climb_m_s += self._weight_m_s2 * (self._acting / self.value - 1.0) * elapsed_s
             return
         before_m_s, self.climb_m_s = self.climb_m_s, climb_m_s
         if self._seen_s <= SETTLING_S or elapsed_s > LONGEST_STEP_S:
             return
-        self._known_s += elapsed_s
-        filter_s = min(FILTER_S, PRIOR_S + self._known_s)
+        self.known_s += elapsed_s
+        filter_s = min(FILTER_S, PRIOR_S + self.known_s)
         self._mean_thrust += (self._acting - self._mean_thrust) * elapsed_s / filter_s
         self._mean_m_s2 += (climb_m_s - before_m_s - self._mean_m_s2 * elapsed_s) / filter_s
 
@@ -148,10 +148,10 @@ class OutputLimiter:
         self.law.renew()
         self.hover.begin(self._u_hover, 0.0)
 
-    def take_over(self, u: Input, hover_thrust: float) -> None:
+    def take_over(self, u: Input, hover_thrust: float, known_s: float) -> None:
         """Continue from the inputs of an earlier process and the hover thrust that it learned."""
         self.u = u
-        self.hover.begin(hover_thrust, u[THRUST])
+        self.hover.begin(hover_thrust, u[THRUST], known_s)
 
     def play(self, target: Input, now_s: float, height_m: float | None, *, unproved: bool = False) -> None:
         """Apply a command within slew rates over the time since the last move, which steps do not use up.

@@ -156,7 +156,7 @@ class Transmitter:
             self._written_s,
             arbiter.leases.commanding,
             arbiter.leases.issued,
-            arbiter.hover_thrust,
+            arbiter.hover.value,
             # A successor continues a shutdown.
             commanded=arbiter.commanded and not self._shutdown,
             mistaken=arbiter.pose_monitor.mistaken,
@@ -164,6 +164,7 @@ class Transmitter:
             grounded=arbiter.grounded,
             watched=self.protocol.watched,
             lifted=arbiter.lift_off.proved,
+            hover_known_s=arbiter.hover.known_s,
         )
 
     @property
@@ -176,7 +177,7 @@ class Transmitter:
         track = self.arbiter.pose_monitor.own_track
         seen = track is not None and track.position_m is not None
         if seen and now_s < self._unknown_until_s:
-            self._written_u, self._written_s = (0.0, 0.0, self.arbiter.hover_thrust, 0.0), now_s
+            self._written_u, self._written_s = (0.0, 0.0, self.arbiter.hover.value, 0.0), now_s
             self._last = structs.replace(self._applied(), state=State.LAND, grounded=False)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf

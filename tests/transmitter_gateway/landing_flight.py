@@ -120,7 +120,7 @@ class Flight:
             self.laboratory.advance(PERIOD_S)
             self.measure()
             motion = arbiter.pose_monitor.own_motion(self.bench.now_s, 1.0)
-            hover = arbiter.hover_thrust
+            hover = arbiter.hover.value
             u: Input = (0.0, 0.0, hover, 0.0)
             if motion is not None:
                 sunk_m = self.options.height_m - motion.position_m[2]

@@ -202,7 +202,8 @@ class Flight:
             written_s,
             before.leases.commanding,
             before.leases.issued,
-            before.hover_thrust,
+            before.hover.value,
+            hover_known_s=before.hover.known_s,
         )
         for _ in range(round(silence_s / STEP_S)):
             self._move()

@@ -53,6 +53,18 @@ def test_a_flying_vehicle_is_taken_over_descending_from_the_thrust_that_acts() -
     assert arbiter.commanded
 
 
+@pytest.mark.parametrize(("known_s", "share"), [(0.0, 0.15), (9.0, 0.15 * 0.2 / 9.2)])
+def test_a_vehicle_that_is_not_seen_again_sinks_as_under_the_process_that_had_learned_its_thrust(
+    known_s: float, share: float
+) -> None:
+    arbiter = restarted(height_m=None)
+    assert take_over(arbiter, hover_known_s=known_s).accepted
+    for step in range(100):
+        output = arbiter.step(NOW_S + 0.01 * step)
+    below = ArbiterLimits().descend_below_hover
+    assert output.u[2] == pytest.approx(LAST_FLYING.hover_thrust * (1.0 - below - share))
+
+
 def test_more_thrust_than_needed_to_hover_is_not_taken_over() -> None:
     arbiter = restarted()
     take_over(arbiter, u=(0.0, 0.0, 1.0, 0.0))
