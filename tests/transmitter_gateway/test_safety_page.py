@@ -1,16 +1,24 @@
 """docs/safety.md says what the arbiter does."""
 
+import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.landing import HURRY
 from rcopterx.transmitter_gateway.output_limiter import FADE_PER_S
 from rcopterx.transmitter_gateway.radios import COMMANDED_TURN_S, TURN_S
-from rcopterx.transmitter_gateway.transitions import TRANSITIONS
+from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition, find_transition
 from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
 
+SCRIPT = Path(__file__).parents[2] / "docs" / "figures" / "arbiter.js"
 TESTS = Path(__file__).parents[1]
 PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
 
@@ -31,6 +39,31 @@ def table() -> str:
 def test_table_of_the_page_is_the_arbiters() -> None:
     shown = PAGE.partition("<!-- table: begin -->\n")[2].partition("\n<!-- table: end -->")[0]
     assert shown == table()
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="apt-get install nodejs")
+@given(st.lists(st.tuples(st.sampled_from(State), st.frozensets(st.sampled_from(Condition))), min_size=200))
+@settings(max_examples=5)
+def test_the_table_to_try_out_finds_the_row_of_the_arbiter(
+    cases: list[tuple[State, frozenset[Condition]]],
+) -> None:
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table().splitlines()[2:]]
+    program = f"""{SCRIPT.read_text(encoding="utf-8")}
+    const [lines, cases] = JSON.parse(require("fs").readFileSync(0));
+    const rows = lines.map(rowOf);
+    const numberOf = ([state, conditions]) => Number(firstRow(rows, state, conditions)?.number ?? 0);
+    console.log(JSON.stringify(cases.map(numberOf)));"""
+    given_cases = [(state, sorted(conditions)) for state, conditions in cases]
+    result = subprocess.run(
+        ["node", "-e", program],
+        input=json.dumps([lines, given_cases]),
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    found = [find_transition(*case) for case in cases]
+    numbers = [0 if row is None else TRANSITIONS.index(row) + 1 for row in found]
+    assert json.loads(result.stdout) == numbers
 
 
 def test_figures_of_the_page_are_the_defaults() -> None:
