@@ -275,11 +275,11 @@ class Arbiter:
             self._touchdown.release()
             return
         found.add(Condition.SEEN)
-        self._located = True
+        self._located = not self.pose_monitor.doubtful
         airborne_m = self._floor_m + self.limits.airborne_m
         if motion.position_m[2] >= airborne_m and self.lift_off.problem is None:  # else not believed
             found.add(Condition.AIRBORNE)
-            self._climb_m_s = motion.velocity_m_s[2]
+            self._climb_m_s = motion.velocity_m_s[2] if self._located else None
         fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()

@@ -77,6 +77,7 @@ class HoverThrust:
         """Begin while a thrust acts; `first` is the hover thrust of `PRIOR_S` and `known_s` of flight."""
         self._mean_thrust, self._acting, self.known_s = first, acting, known_s
         self._mean_m_s2 = self._seen_s = self.climb_m_s = 0.0
+        self._aloft = known_s > 0.0  # whether it has been seen in the air
 
     @property
     def value(self) -> float:
@@ -104,10 +105,10 @@ class HoverThrust:
         self._seen_s += elapsed_s
         if climb_m_s is None:
             self._seen_s = 0.0
-            if self.known_s > 0.0:
+            if self._aloft:
                 self.climb_m_s += self._weight_m_s2 * (self._acting / self.value - 1.0) * elapsed_s
             return
-        before_m_s, self.climb_m_s = self.climb_m_s, climb_m_s
+        before_m_s, self.climb_m_s, self._aloft = self.climb_m_s, climb_m_s, True
         if self._seen_s <= SETTLING_S or elapsed_s > LONGEST_STEP_S:
             return
         self.known_s += elapsed_s

@@ -108,6 +108,11 @@ class PoseMonitor:
         if self._still_pose.unanswered:
             self._mistaken = self._mistaken or "own pose does not answer the thrust: another body?"
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the own poses do not answer the thrust so far; nothing is learned from them meanwhile."""
+        return self._still_pose.doubtful
+
     def other_pose(self, pose: PoseInput, now_s: float) -> bool:
         """Take a pose of another vehicle; nothing of it is judged but its form and order."""
         track = self._others.get(pose.vehicle)

@@ -37,6 +37,11 @@ class StillPose:
         """Whether the pose has not answered the thrust."""
         return self._gained_m_s > GAINED_M_S
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the pose stands under a thrust that would lift a heavy vehicle."""
+        return self._gained_m_s > 0.0
+
     def own(self, height_m: float, share: float, now_s: float) -> None:
         """Use the height of a pose; `share` is the thrust that acts, over that at which the model hovers."""
         if not self._newest:

@@ -15,7 +15,7 @@ HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
 FROM_STANDING_M = 0.28  # of a light vehicle in the hop of a pulse, which a body on the floor hides
 FROM_STANDING_M_S = 1.2
-HELD_CLIMB_M = 4.0  # until its thrust shows that a vehicle must have moved
+HELD_CLIMB_M = 1.5  # until its thrust shows that a vehicle must have moved
 FROM_CLEAR_M_S = 1.4  # of a vehicle that sinks from 0.4 m under 0.76 of its hover thrust
 
 

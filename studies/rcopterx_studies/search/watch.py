@@ -147,6 +147,8 @@ def excuses_of(flight: Flight) -> dict[str, float]:
             fault = line["fault"]
             if fault["kind"] == "break_radio":
                 excuse((fault["vehicle"],), math.inf)
+            elif fault["kind"] == "stand_in":  # not protected while it climbs, but for the height
+                excuse((fault["subject"],), math.inf)
             elif fault["kind"] in UNSEEN:
                 excuse(flight.vehicles, UNSEEN_TOUCHDOWN_M_S)
             else:
