@@ -18,15 +18,12 @@ def error_ratios(
     with its 95 % interval, and the largest. Tasks without followers have no errors and are left out.
     """
     first, *others = schemes
+    bases = {task: flown[f"{task} / {first}"] for task in tasks}
     return {
         task: {name: _ratios(base, flown[f"{task} / {name}"]) for name in others}
-        for task in tasks
-        if _has_errors(base := flown[f"{task} / {first}"])
+        for task, base in bases.items()
+        if all(flight.rms_mm > 0.0 for flight in base.values())
     }
-
-
-def _has_errors(flights: Mapping[int, FlownTask]) -> bool:
-    return all(flight.rms_mm > 0.0 for flight in flights.values())
 
 
 def _ratios(base: Mapping[int, FlownTask], rival: Mapping[int, FlownTask]) -> dict[str, Any]:

@@ -8,12 +8,7 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.radios.crazyflie import CrazyflieProtocol
 from rcopterx.radios.crtp import FULL_THRUST
-from rcopterx_studies.experiments.flight_csv import (
-    CommandScale,
-    read_columns,
-    read_flight,
-    read_mapped,
-)
+from rcopterx_studies.experiments.flight_csv import CommandScale, read_columns, read_flight, read_mapped
 
 
 def recorded_flight(file: FleetFile, name: str, path: Path, columns: Path | None) -> FlightRecording:
