@@ -13,8 +13,8 @@ from functools import partial
 
 import serial
 
+from rcopterx.background import Start, begin, in_thread
 from rcopterx.radios.protocol import SerialLine
-from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 TCGETS2 = 0x802C542A

@@ -8,22 +8,14 @@ from contextlib import suppress
 from functools import partial
 from typing import Final
 
+from rcopterx.background import Address, Start, begin, in_thread, look_up
 from rcopterx.radios.set_points import SetPointRadio
-from rcopterx.radios.udp import LONGEST_DATAGRAM, Address, udp_address
-from rcopterx.transmitter_gateway.background import Start, begin, in_thread
+from rcopterx.radios.udp import LONGEST_DATAGRAM, udp_address
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 PROBE_S: Final = 0.05
 LOOK_UP_S: Final = 2.0  # between two look-ups of a name while nothing answers at its last address
 MOST_AT_ONCE: Final = 64  # datagrams, so that a flood keeps no other vehicle waiting
-
-
-def look_up(host: str, port: int) -> Address:
-    """Return the address of a host name; raises `OSError`. It may block."""
-    try:
-        return str(socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]), port
-    except UnicodeError as error:  # a label of the name is empty or too long
-        raise OSError(f"{host!r} is no host name: {error}") from None
 
 
 class UdpPort(Port):
