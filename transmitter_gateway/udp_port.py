@@ -25,6 +25,8 @@ class UdpPort(Port):
     while nothing answers there, the name is looked up again.
     """
 
+    retry_s = PROBE_S
+
     def __init__(self, path: str, protocol: SetPointRadio, start: Start = in_thread) -> None:
         super().__init__(path)
         self._protocol = protocol
@@ -62,7 +64,7 @@ class UdpPort(Port):
                 self._next_attempt_s = now_s + PROBE_S
                 self.problem = f"no answer from {self.path}"
         except (OSError, RuntimeError) as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
         return False
 
     def _find(self, now_s: float) -> None:
@@ -93,7 +95,7 @@ class UdpPort(Port):
         except BlockingIOError:
             return WriteOutcome.BACKLOG
         except OSError as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
             return WriteOutcome.FAILED
         return WriteOutcome.WRITTEN
 
@@ -104,7 +106,7 @@ class UdpPort(Port):
         try:
             return self._protocol.joined(self._receive())
         except OSError as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
             return b""
 
     def _receive(self) -> list[bytes]:
@@ -114,13 +116,6 @@ class UdpPort(Port):
             while len(packets) < MOST_AT_ONCE:
                 packets.append(self._socket.recv(LONGEST_DATAGRAM))
         return [packet for packet in packets if packet]
-
-    def _lose(self, error: BaseException, now_s: float) -> None:
-        if self.is_open:
-            self.counters["losses"] += 1
-        self.close()
-        self.problem = _text(self.path, error)
-        self._next_attempt_s = now_s + PROBE_S
 
     def close(self) -> None:
         """See `Port`."""
