@@ -1,7 +1,6 @@
 """The agent process: read poses and plans, call the pilot, publish plan and command."""
 
 import math
-import signal
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
@@ -26,7 +25,7 @@ from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import CommandTiming, Pose
-from rcopterx.bus.realtime import prepare_loop, request_realtime
+from rcopterx.bus.realtime import ending_signals, prepare_loop, request_realtime
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
@@ -332,9 +331,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
 
     Returns whether another agent flies it now. Raises `BusUnreachableError`: no router answers.
     """
-    signals: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, _: signals.append(number))
+    signals = ending_signals()
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus) as session:
         agent = Agent(

@@ -1,8 +1,9 @@
-"""Scheduling of a process; to be set before its first Zenoh session, whose threads inherit it."""
+"""Scheduling and signals of a process; to be set before its first Zenoh session, whose threads inherit it."""
 
 import gc
 import os
 import resource
+import signal
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -48,6 +49,15 @@ def _limit_spinning() -> None:
     _, most_us = resource.getrlimit(resource.RLIMIT_RTTIME)
     hard_us = 2 * limit_us if most_us == resource.RLIM_INFINITY else min(2 * limit_us, most_us)
     resource.setrlimit(resource.RLIMIT_RTTIME, (min(limit_us, hard_us), hard_us))
+
+
+def ending_signals() -> list[int]:
+    """Collect SIGTERM and SIGINT from now on in the list that is returned."""
+    # Not an event: the thread that a signal interrupts may hold its lock.
+    signals: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda caught, _: signals.append(caught))
+    return signals
 
 
 def prepare_loop() -> None:

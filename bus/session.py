@@ -3,7 +3,7 @@
 import time
 import weakref
 from collections.abc import Callable, Collection, Iterable
-from contextlib import ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import SimpleQueue
@@ -130,7 +130,7 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
         attempt_s *= 2
 
 
-class Session:
+class Session(AbstractContextManager["Session"]):
     """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
     `waiter` is notified on receive threads when a message or request arrived; `wait` is its wait. `clock` is
@@ -206,9 +206,6 @@ class Session:
 
             self.await_subscriptions()
             join_without_turns(self.address.clock.page, process)
-
-    def __enter__(self) -> "Session":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

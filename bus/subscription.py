@@ -27,24 +27,6 @@ class Received(Struct, Generic[M], frozen=True):
     arrived_s: float
 
 
-class Rejections:
-    """Counts of rejected messages by kind; threads may share it."""
-
-    def __init__(self) -> None:
-        self._counts: Counter[str] = Counter()
-        self._lock = threading.Lock()
-
-    def count(self, kind: str) -> None:
-        """Count a rejected message."""
-        with self._lock:
-            self._counts[kind] += 1
-
-    def counts(self) -> Counter[str]:
-        """Return the present counts."""
-        with self._lock:
-            return Counter(self._counts)
-
-
 class Inbox(Generic[M]):
     """Messages of one channel of one unit; independent of the bus.
 
@@ -58,7 +40,7 @@ class Inbox(Generic[M]):
         self.key = f"{unit}/{channel.topic}"  # as in `AgentSteps.keys`
         self.reason = ""
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
-        self._rejections = Rejections()
+        self._rejected, self._counting = Counter[str](), threading.Lock()
         self._overruns_at = depth if depth > 1 else None
         self._newest: Received[M] | None = None
 
@@ -66,7 +48,7 @@ class Inbox(Generic[M]):
         """Keep a payload for the loop. Called on the receive thread."""
         unread = self.unread
         if len(unread) == self._overruns_at:
-            self._rejections.count("overrun")
+            self._count("overrun")
         unread.append((payload, arrived_s))
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
@@ -104,8 +86,12 @@ class Inbox(Generic[M]):
 
     def reject(self, kind: str, reason: str) -> None:
         """Count a message that is not acceptable, here or to the reader of the inbox."""
-        self._rejections.count(kind)
+        self._count(kind)
         self.reason = reason
+
+    def _count(self, kind: str) -> None:
+        with self._counting:
+            self._rejected[kind] += 1
 
     def close(self) -> None:
         """Stop receiving; nothing to do without a bus."""
@@ -113,7 +99,8 @@ class Inbox(Generic[M]):
     @property
     def rejected(self) -> Counter[str]:
         """Rejected messages so far, by kind."""
-        return self._rejections.counts()
+        with self._counting:
+            return self._rejected.copy()
 
     def age_s(self, now_s: float) -> float | None:
         """Return the age of the newest valid message on the local monotonic clock."""
@@ -209,7 +196,7 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Units[M]):
-    """One channel of every unit, with an inbox each; units that are not in `units`, if any, are rejected."""
+    """One channel of every unit, with an inbox each; those that are not in `units`, if any, are ignored."""
 
     def __init__(
         self,
@@ -224,26 +211,18 @@ class UnitSubscriptions(Units[M]):
         super().__init__(channel, depth)
         self._on_arrival = on_arrival
         self._units = units
-        self._rejections = Rejections()
         self._unit_at = pattern.split("/").index("*")
         self._held = held
         self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, held))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)
-        if "*" in full_key:
-            self._rejections.count("key")
+        # A message on a wildcard key belongs to no unit.
+        unit = None if "*" in full_key else full_key.split("/")[self._unit_at]
+        if unit is None or (self._units and unit not in self._units):
             return
-        unit = full_key.split("/")[self._unit_at]
-        if self._units and unit not in self._units and unit not in self._others:
-            self._rejections.count("unit")
-        elif (inbox := self.inbox(unit)) is not None:
+        if (inbox := self.inbox(unit)) is not None:
             self._on_arrival(inbox, sample.payload.to_bytes())
-
-    @property
-    def rejected(self) -> Counter[str]:
-        """Messages on wildcard keys, which belong to no unit, and of unknown units."""
-        return self._rejections.counts()
 
     def close(self) -> None:
         """Stop receiving."""

@@ -12,7 +12,8 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 
 def never() -> bool:
@@ -76,6 +77,14 @@ class Estimate(NamedTuple):
     def has_tilt(self) -> bool:
         """Whether the tilt is estimated."""
         return len(self.tilt.core) > 0
+
+
+def at_rest(model: Model) -> Estimate:
+    """Return the state of a vehicle that hovers at the origin, level and in still air."""
+    tilt = NO_TILT
+    if model.tilt is not None:
+        tilt = TiltEstimate(np.zeros(model.tilt.dynamics().size), *3 * [np.zeros(2)])
+    return Estimate(np.zeros(MOTION_SIZE), model.hover_input.copy(), np.zeros(INPUT_SIZE), tilt)
 
 
 class Estimator(Protocol):

@@ -1,6 +1,5 @@
 """The recorder process: writes all messages on the bus to disk within a tenth of a second."""
 
-import signal
 import time
 from collections import deque
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from rcopterx.bus.clock import NANO
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.processes import RECORDER
-from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.realtime import ending_signals, request_realtime
 from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
@@ -118,10 +117,7 @@ class RecorderSettings:
 
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
     """Record until SIGTERM or SIGINT; the disk's failures interrupt it, with lines for `announce`."""
-    # The lock of an event may be taken by the thread that a signal interrupts.
-    signals: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda caught, _: signals.append(caught))
+    signals = ending_signals()
     request_realtime(settings.realtime_priority)
     waiting = Waiting()
     with Session(settings.bus) as session:

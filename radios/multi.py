@@ -7,19 +7,9 @@ from typing import ClassVar
 
 from msgspec import Struct
 
+from rcopterx.radios import protocol as base
 from rcopterx.radios.multi_answers import AnswerParser
 from rcopterx.radios.multi_radios import DSM, RADIOS
-from rcopterx.radios.protocol import (
-    CENTER_US,
-    FrameDecodeError,
-    FrameFlags,
-    ModuleStatus,
-    OneWayRadio,
-    PulseRangeError,
-    SerialLine,
-    check_choice,
-    check_ranges,
-)
 
 FRAME_LENGTH = 27
 CHANNEL_COUNT = 16
@@ -30,7 +20,7 @@ KILL_COUNT = 204
 KILL_CHANNEL, AUTOBIND_CHANNEL = 13, 15  # the latter: above its centre a module binds if `autobind` is set
 COUNTS_PER_US = 820 / 400
 
-LINE = SerialLine(100_000, parity="E", stop_bits=2)
+LINE = base.SerialLine(100_000, parity="E", stop_bits=2)
 SHORTEST_GAP_S = 1e-3
 MODULE_SILENT_S = 2.0
 LONGEST_GAP_S = 0.05  # the module reports that it receives no frames when none has arrived for 70 ms
@@ -51,21 +41,21 @@ FLAGS = {
 
 def count_of(pulse_us: float) -> int:
     """11-bit value of a pulse width [us]."""
-    return min(max(round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US), 0), 2047)
+    return min(max(round(CENTER_COUNT + (pulse_us - base.CENTER_US) * COUNTS_PER_US), 0), 2047)
 
 
 def pulse_of(count: int) -> float:
     """Pulse width [us] of an 11-bit value."""
-    return CENTER_US + (count - CENTER_COUNT) / COUNTS_PER_US
+    return base.CENTER_US + (count - CENTER_COUNT) / COUNTS_PER_US
 
 
 def pack_channels(counts: Sequence[int]) -> bytes:
     """Pack 16 values of 11 bits into 22 bytes, first channel in the lowest bits; raises `PulseRangeError`."""
     if len(counts) != CHANNEL_COUNT:
-        raise PulseRangeError(f"multi: {len(counts)} channel values given, exactly 16 are needed")
+        raise base.PulseRangeError(f"multi: {len(counts)} channel values given, exactly 16 are needed")
     if min(counts) < 0 or max(counts) > 2047:
         index, count = next((n, count) for n, count in enumerate(counts) if not 0 <= count <= 2047)
-        raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
+        raise base.PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
     stream = sum(count << 11 * channel for channel, count in enumerate(counts))
     return stream.to_bytes(CHANNEL_BYTES, "little")
 
@@ -123,9 +113,9 @@ class MultiFrame(Struct, frozen=True):
     def from_bytes(frame: bytes) -> "MultiFrame":
         """Decode a frame of 26 to 36 bytes, of which 27 count; raises `FrameDecodeError`."""
         if not 26 <= len(frame) <= 36:
-            raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
+            raise base.FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
         if frame[0] & 0xFC != 0x54:
-            raise FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
+            raise base.FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
         header, first, second, option = frame[:CHANNELS_AT]
         frame = frame.ljust(FRAME_LENGTH, b"\0")
         last = frame[26]
@@ -163,9 +153,9 @@ class MultiSettings:
     """False when the module's return line is not connected; readiness is then assumed."""
 
     def __post_init__(self) -> None:
-        check_choice("multi.radio", self.radio, RADIOS)
+        base.check_choice("multi.radio", self.radio, RADIOS)
         last = len(RADIOS[self.radio].sub_protocols) - 1
-        check_ranges(
+        base.check_ranges(
             self, "multi", rx_num=(0, 63), sub_protocol=(0, last), option=(-128, 127), channels=(4, 12)
         )
 
@@ -177,7 +167,7 @@ class MultiSettings:
         return self.option & 0xFF
 
 
-class MultiProtocol(OneWayRadio):
+class MultiProtocol(base.OneWayRadio):
     """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off.
 
     Without a wire for its answers it counts as ready after a time.
@@ -187,7 +177,7 @@ class MultiProtocol(OneWayRadio):
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check", "kill", "low_power"})
     settling_s = MODULE_SILENT_S
 
-    def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
+    def __init__(self, settings: MultiSettings | None = None, line: base.SerialLine = LINE) -> None:
         self.settings = settings or MultiSettings()
         self._radio = RADIOS[self.settings.radio]
         self._taer = self._radio.taer
@@ -203,7 +193,7 @@ class MultiProtocol(OneWayRadio):
         self._parser = AnswerParser()
         self._frames_since_s = self._last_frame_s = -math.inf
         self._answered_s = -math.inf
-        self._answered: ModuleStatus | None = None
+        self._answered: base.ModuleStatus | None = None
 
     @property
     def channels_on_air(self) -> int:
@@ -214,10 +204,10 @@ class MultiProtocol(OneWayRadio):
         """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
         pulses = super().check(pulses_us)
         if self._taer and len(pulses_us) <= KILL_CHANNEL:
-            pulses[KILL_CHANNEL] = CENTER_US
+            pulses[KILL_CHANNEL] = base.CENTER_US
         return pulses
 
-    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+    def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
         """Build a frame; with DSM channel 14 is -100 % for kill only."""
         counts = [count_of(pulse_us) for pulse_us in pulses_us]
         if not self._taer:
@@ -247,7 +237,7 @@ class MultiProtocol(OneWayRadio):
     def link_resumed(self, now_s: float) -> None:
         """Count the module as ready, as if it had just reported it."""
         super().link_resumed(now_s)
-        self._answered = ModuleStatus(True, False, "ready, by an earlier process")
+        self._answered = base.ModuleStatus(True, False, "ready, by an earlier process")
         self._answered_s = now_s
 
     def frame_written(self, now_s: float) -> None:
@@ -268,14 +258,16 @@ class MultiProtocol(OneWayRadio):
                 self._answered = status.judged(self.settings.radio)
                 self._answered_s = now_s
 
-    def status(self, now_s: float) -> ModuleStatus:
+    def status(self, now_s: float) -> base.ModuleStatus:
         """Ready when the module reports it and its last answer is at most 2 s old."""
         if self._opened_s is None or not self.settings.answers_wired:
             return super().status(now_s)
         if self._answered is None:
-            return ModuleStatus(
+            return base.ModuleStatus(
                 False, False, "no answer from the module yet; check power, wiring and polarity"
             )
         if now_s - self._answered_s > MODULE_SILENT_S:
-            return ModuleStatus(False, False, f"module gone: silent for {now_s - self._answered_s:.1f} s")
+            return base.ModuleStatus(
+                False, False, f"module gone: silent for {now_s - self._answered_s:.1f} s"
+            )
         return self._answered

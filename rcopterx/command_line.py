@@ -32,10 +32,7 @@ COMMANDS: Final = {
     ),
 }  # fmt: skip
 """Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""
-WORDS: Final = {
-    ("fly", "--faults"): "faults",
-    ("import", "skybrush"): "import-skybrush",
-}
+WORDS: Final = {("fly", "--faults"): "faults", ("import", "skybrush"): "import-skybrush"}
 """Commands of `rcopterx-studies` by a command of the product and a word after it."""
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
 

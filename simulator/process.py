@@ -1,13 +1,11 @@
 """The simulator process: a Tracker on TCP, radio modules on pseudo-terminals, and plants in real time."""
 
-import signal
-
 import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
-from rcopterx.bus.realtime import prepare_loop, request_realtime
+from rcopterx.bus.realtime import ending_signals, prepare_loop, request_realtime
 from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
@@ -120,9 +118,7 @@ class Simulator:
 
 def run_simulator(settings: SimulatorSettings) -> None:
     """Run the simulated laboratory until SIGTERM or SIGINT; `OSError` or `BusUnreachableError`."""
-    stopping: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda caught, _: stopping.append(caught))
+    stopping = ending_signals()
     request_realtime(settings.realtime_priority)
     with Session(settings.bus, interrupted=lambda: bool(stopping)) as session:
         simulator, heartbeat = Simulator(settings, session), own_heartbeat()

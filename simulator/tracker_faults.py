@@ -7,22 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from rcopterx.simulator import faults
-from rcopterx.simulator.faults import (
-    MAX_FRAME_ID,
-    FaultError,
-    FaultTable,
-    Lasting,
-    LastingFault,
-    TimedFault,
-    TrackerFault,
-)
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.wire import ObjectType
 
 NOISE_SEED = 1  # the same fault shows the same noise
 
 
-_F = TypeVar("_F", bound=LastingFault)
+_F = TypeVar("_F", bound=faults.LastingFault)
 
 
 class TrackerFaults:
@@ -36,8 +27,8 @@ class TrackerFaults:
         self.refused: deque[str] = deque(maxlen=20)
         self._offer = offer
         self._subjects: frozenset[str] | None = None
-        self._table: FaultTable[TrackerFault, LastingFault] = FaultTable()
-        self._pending: list[TrackerFault] = []
+        self._table: faults.FaultTable[faults.TrackerFault, faults.LastingFault] = faults.FaultTable()
+        self._pending: list[faults.TrackerFault] = []
         self._frame_offset = 0
         self._next_frame_id: int | None = None
         self._last: TrackerFrame | None = None
@@ -46,11 +37,11 @@ class TrackerFaults:
         self._skipped = 0
         self._random = random.Random(NOISE_SEED)
 
-    def apply(self, fault: TrackerFault, now_s: float) -> None:
+    def apply(self, fault: faults.TrackerFault, now_s: float) -> None:
         """Start a fault now; `FaultError` for an unknown subject, or what this Tracker does not offer."""
         self._check(fault)
         match fault:
-            case LastingFault():
+            case faults.LastingFault():
                 self._table.begin(fault, now_s)
             case faults.Recover():
                 self._table.end()
@@ -59,7 +50,7 @@ class TrackerFaults:
             case _:
                 self._pending.append(fault)
 
-    def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
+    def schedule(self, table: Iterable[faults.TimedFault], start_s: float) -> None:
         """Apply faults later, at `start_s` plus their time, not those for radios; all or `FaultError`."""
         lines = [
             (line.at_s, line.fault)
@@ -78,7 +69,7 @@ class TrackerFaults:
         for at_s, fault in self._table.due(now_s):
             try:
                 self.apply(fault, at_s)
-            except FaultError as error:
+            except faults.FaultError as error:
                 self.refused.append(str(error))
         self._table.end(now_s)
 
@@ -87,7 +78,7 @@ class TrackerFaults:
         return self._table.next_change_s()
 
     @property
-    def lasting(self) -> tuple[LastingFault, ...]:
+    def lasting(self) -> tuple[faults.LastingFault, ...]:
         """Faults that last now."""
         return tuple(entry.fault for entry in self._table.lasting.values())
 
@@ -96,7 +87,7 @@ class TrackerFaults:
         entry = self._table.lasting.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
-    def take_pending(self) -> list[TrackerFault]:
+    def take_pending(self) -> list[faults.TrackerFault]:
         """Return and forget faults that act once on connections or packets."""
         pending, self._pending = self._pending, []
         return pending
@@ -112,7 +103,7 @@ class TrackerFaults:
         bodies = self._with_frozen(frame.bodies) if self._table.lasting or self._frozen else frame.bodies
         for entry in self._table.lasting.values():
             bodies = self._changed(bodies, entry)
-        number = (frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1)
+        number = (frame.frame + self._frame_offset) % (faults.MAX_FRAME_ID + 1)
         self._last = TrackerFrame(number, bodies, frame.latency_samples)
         return self._last
 
@@ -125,7 +116,7 @@ class TrackerFaults:
         return self._skipped != 0
 
     def _changed(
-        self, bodies: tuple[TrackedBody, ...], entry: Lasting[LastingFault]
+        self, bodies: tuple[TrackedBody, ...], entry: faults.Lasting[faults.LastingFault]
     ) -> tuple[TrackedBody, ...]:
         """Return the bodies as they appear under one fault."""
         match entry.fault:
@@ -170,21 +161,23 @@ class TrackerFaults:
     def _subjects_with(self, kind: type[faults.FreezePose | faults.StandIn | faults.AddSubject]) -> set[str]:
         return {fault.subject for fault in self.lasting if isinstance(fault, kind)}
 
-    def _check(self, fault: TrackerFault, planned: frozenset[str] = frozenset()) -> None:
+    def _check(self, fault: faults.TrackerFault, planned: frozenset[str] = frozenset()) -> None:
         if isinstance(fault, faults.SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:
-            raise FaultError("set_quality: this Tracker does not offer ObjectQuality (tracker3 does)")
+            raise faults.FaultError("set_quality: this Tracker does not offer ObjectQuality (tracker3 does)")
         if isinstance(fault, faults.UnknownObject) and fault.object_type in ObjectType.__members__.values():
-            raise FaultError(f"unknown_object: {fault.object_type} is the number of a known type")
+            raise faults.FaultError(f"unknown_object: {fault.object_type} is the number of a known type")
         if self._subjects is None:
             return
         tracked = self._subjects | self._subjects_with(faults.AddSubject) | planned
         if isinstance(fault, faults.AddSubject):
             if fault.subject in self._subjects:
-                raise FaultError(f"add_subject: {fault.subject!r} is tracked already")
+                raise faults.FaultError(f"add_subject: {fault.subject!r} is tracked already")
             return
         for name in (getattr(fault, field, None) for field in ("subject", "other")):
             if name is not None and name not in tracked:
-                raise FaultError(f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}")
+                raise faults.FaultError(
+                    f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}"
+                )
 
 
 def _replaced(

@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from enum import StrEnum
+from typing import ClassVar
 
 from msgspec import Struct
 
@@ -35,6 +36,8 @@ class Port(ABC):
 
     `problem` is why it is not open; outcomes of writes, openings and losses are counted by name.
     """
+
+    retry_s: ClassVar[float]  # from a loss to the next attempt to open it
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -74,6 +77,14 @@ class Port(ABC):
     @abstractmethod
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
         """Write a frame; its outcome is counted by the caller."""
+
+    def _lose(self, problem: str, now_s: float) -> None:
+        """Close at once: a held descriptor makes an adapter come back under another name."""
+        if self.is_open:
+            self.counters["losses"] += 1
+        self.close()
+        self.problem = problem
+        self._next_attempt_s = now_s + self.retry_s
 
     @abstractmethod
     def read_available(self, now_s: float) -> bytes:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
+from rcopterx.background import at_once, in_thread
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.wakeup import Wakeup
 from rcopterx.radios.crazyradio import RADIO, UsbDevice, find_dongle
 from rcopterx.radios.udp import UDP
-from rcopterx.transmitter_gateway.background import at_once, in_thread
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port

@@ -13,8 +13,8 @@ from functools import partial
 
 import serial
 
+from rcopterx.background import Start, begin, in_thread
 from rcopterx.radios.protocol import SerialLine
-from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 TCGETS2 = 0x802C542A
@@ -58,6 +58,8 @@ class SerialPort(Port):
 
     `start`: runs openings and closings, which an adapter can block for seconds.
     """
+
+    retry_s = RETRY_S
 
     def __init__(self, path: str, line: SerialLine, start: Start = in_thread) -> None:
         super().__init__(path)
@@ -154,14 +156,6 @@ class SerialPort(Port):
         if not data:
             self._lose(f"{self.path} was unplugged", now_s)
         return data
-
-    def _lose(self, problem: str, now_s: float) -> None:
-        """Close at once: a held descriptor makes an adapter come back under another name."""
-        if self.is_open:
-            self.counters["losses"] += 1
-        self.close()
-        self.problem = problem
-        self._next_attempt_s = now_s + RETRY_S
 
     def close(self) -> None:
         """Close the port, and discard what is still to be sent; `service` would open it again."""

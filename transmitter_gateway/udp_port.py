@@ -8,22 +8,14 @@ from contextlib import suppress
 from functools import partial
 from typing import Final
 
+from rcopterx.background import Address, Start, begin, in_thread, look_up
 from rcopterx.radios.set_points import SetPointRadio
-from rcopterx.radios.udp import LONGEST_DATAGRAM, Address, udp_address
-from rcopterx.transmitter_gateway.background import Start, begin, in_thread
+from rcopterx.radios.udp import LONGEST_DATAGRAM, udp_address
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 PROBE_S: Final = 0.05
 LOOK_UP_S: Final = 2.0  # between two look-ups of a name while nothing answers at its last address
 MOST_AT_ONCE: Final = 64  # datagrams, so that a flood keeps no other vehicle waiting
-
-
-def look_up(host: str, port: int) -> Address:
-    """Return the address of a host name; raises `OSError`. It may block."""
-    try:
-        return str(socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]), port
-    except UnicodeError as error:  # a label of the name is empty or too long
-        raise OSError(f"{host!r} is no host name: {error}") from None
 
 
 class UdpPort(Port):
@@ -32,6 +24,8 @@ class UdpPort(Port):
     `start`: runs look-ups of names, which a name service can block for seconds. The address found is kept;
     while nothing answers there, the name is looked up again.
     """
+
+    retry_s = PROBE_S
 
     def __init__(self, path: str, protocol: SetPointRadio, start: Start = in_thread) -> None:
         super().__init__(path)
@@ -70,7 +64,7 @@ class UdpPort(Port):
                 self._next_attempt_s = now_s + PROBE_S
                 self.problem = f"no answer from {self.path}"
         except (OSError, RuntimeError) as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
         return False
 
     def _find(self, now_s: float) -> None:
@@ -101,7 +95,7 @@ class UdpPort(Port):
         except BlockingIOError:
             return WriteOutcome.BACKLOG
         except OSError as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
             return WriteOutcome.FAILED
         return WriteOutcome.WRITTEN
 
@@ -112,7 +106,7 @@ class UdpPort(Port):
         try:
             return self._protocol.joined(self._receive())
         except OSError as error:
-            self._lose(error, now_s)
+            self._lose(_text(self.path, error), now_s)
             return b""
 
     def _receive(self) -> list[bytes]:
@@ -122,13 +116,6 @@ class UdpPort(Port):
             while len(packets) < MOST_AT_ONCE:
                 packets.append(self._socket.recv(LONGEST_DATAGRAM))
         return [packet for packet in packets if packet]
-
-    def _lose(self, error: BaseException, now_s: float) -> None:
-        if self.is_open:
-            self.counters["losses"] += 1
-        self.close()
-        self.problem = _text(self.path, error)
-        self._next_attempt_s = now_s + PROBE_S
 
     def close(self) -> None:
         """See `Port`."""

@@ -6,15 +6,16 @@ import math
 import os
 import select
 import socket
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Literal, NamedTuple, Self
 
 from msgspec.structs import replace
 
+from rcopterx.background import Address, begin, in_thread, look_up
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
 from rcopterx.vicon_gateway.recording import RawEvent, RawRecorder
@@ -170,7 +171,7 @@ class DataStreamClient(FrameClient):
         self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
         self._socket: socket.socket | None = None
         self._poller, self._events = select.poll(), 0
-        self._lookup: Future[tuple[str, int]] | None = None
+        self._lookup: Future[Address] | None = None
         self._session = DataStreamSession()
         self._unsent = b""
         self._tries = 0
@@ -213,7 +214,7 @@ class DataStreamClient(FrameClient):
             time.sleep(pause_s)
         if self._clock() >= self._deadline_s:
             self._tries += 1
-            self._lookup = _looked_up(self._host, self._port)
+            self._lookup = begin(in_thread, partial(look_up, self._host, self._port))
             self._name = "resolving"
             self._deadline_s = self._clock() + self._limits.connect_s
 
@@ -225,6 +226,8 @@ class DataStreamClient(FrameClient):
             if self._clock() >= self._deadline_s:
                 raise _LinkError(f"host {self._host!r}: no answer to the look-up") from None
             return
+        except OSError as error:
+            raise _LinkError(f"host {self._host!r}: {error}") from None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._poller, self._events = select.poll(), 0
@@ -338,18 +341,3 @@ class DataStreamClient(FrameClient):
             text = f"closed, was {where}"
         recording_error = None if self._recorder is None else self._recorder.error
         return text if recording_error is None else f"{text}; {recording_error}"
-
-
-def _looked_up(host: str, port: int) -> Future[tuple[str, int]]:
-    """Look up a host in a thread of its own, because getaddrinfo has no time limit."""
-    found: Future[tuple[str, int]] = Future()
-
-    def run() -> None:
-        try:
-            addresses = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)
-            found.set_result((str(addresses[0][4][0]), port))
-        except (OSError, UnicodeError) as error:  # UnicodeError: a label of the name is empty or too long
-            found.set_exception(_LinkError(f"host {host!r}: {error}"))
-
-    threading.Thread(target=run, name="tracker-look-up", daemon=True).start()
-    return found

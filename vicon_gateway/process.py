@@ -2,7 +2,6 @@
 
 import logging
 import math
-import signal
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -17,7 +16,7 @@ from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.host_messages import SubjectState, TrackerStatus
 from rcopterx.bus.message import MAX_POSITION_M
 from rcopterx.bus.messages import Pose
-from rcopterx.bus.realtime import prepare_loop, request_realtime
+from rcopterx.bus.realtime import ending_signals, prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
@@ -277,9 +276,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         if settings.record_raw is not None:
             file = stack.enter_context(RecordingFile.create(settings.record_raw))
         # Errors of the settings have been raised; from here on this process is the gateway.
-        stopping: list[int] = []
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda caught, _: stopping.append(caught))
+        stopping = ending_signals()
         realtime = request_realtime(settings.realtime_priority)
         session = stack.enter_context(Session(settings.bus))
         client: FrameClient

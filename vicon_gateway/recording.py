@@ -13,6 +13,7 @@ is read up to the last whole record. A thread of its own writes the file: a slow
 import struct
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from enum import IntEnum
 from pathlib import Path
 from queue import SimpleQueue
@@ -82,7 +83,7 @@ def _created(path: Path) -> BinaryIO:
     raise RecordingFileError(f"{path}: there are {MOST_FILES} recordings of that name already")
 
 
-class RecordingFile:
+class RecordingFile(AbstractContextManager["RecordingFile"]):
     """A file to record into; it is closed at the end."""
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
@@ -114,9 +115,6 @@ class RecordingFile:
         """Write the queued bytes, for a limited time, and close the file."""
         self._queue.put(None)
         self._thread.join(CLOSE_LIMIT_S)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -19,11 +19,10 @@ import numpy as np
 
 from rcopterx.agents.flight.timeline import InputHistory
 from rcopterx.agents.flight.vehicle_watch import VehicleFault
-from rcopterx.control.interfaces import NO_TILT, Estimate, Measurement, TiltEstimate
+from rcopterx.control.interfaces import Measurement, at_rest
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
-    INPUT_SIZE,
     MOTION_SIZE,
     U_PITCH,
     U_ROLL,
@@ -106,7 +105,7 @@ class SignProof:
         self._open = set()
 
     def _begin_round(self, time_s: float) -> None:
-        still = _still(self._model)
+        still = at_rest(self._model)
         spinning = still._replace(motion=np.eye(MOTION_SIZE)[YAW_RATE])
         self._begun_s = self._until_s = time_s
         self._rounds += 1
@@ -275,11 +274,3 @@ class _Regression:
         value = inverse @ (rows.T @ seen)
         noise = float(np.linalg.norm(seen - rows @ value)) / math.sqrt(len(seen) - len(value))
         return value, noise * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
-
-
-def _still(model: Model) -> Estimate:
-    """Vehicle that hovers at rest."""
-    tilt = NO_TILT
-    if model.tilt is not None:
-        tilt = TiltEstimate(np.zeros(model.tilt.dynamics().size), *3 * [np.zeros(2)])
-    return Estimate(np.zeros(MOTION_SIZE), model.hover_input.copy(), np.zeros(INPUT_SIZE), tilt)

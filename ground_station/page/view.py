@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Reversible, Sequence
+from itertools import cycle
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,6 @@ from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.shapes import SHAPES
-from rcopterx.ground_station.colours import hex_colour
 from rcopterx.ground_station.events import EventLine
 from rcopterx.ground_station.geometry import place_beside
 from rcopterx.ground_station.page.history import SIGNALS
@@ -21,6 +21,7 @@ from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
 
 PLAN_POINTS: Final = 25
+COLOURS: Final = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2")  # in turn
 Point = tuple[float, float, float]
 Shown = dict[str, object]  # by names that the scripts of the page read
 
@@ -29,8 +30,8 @@ def fleet_shown(file: FleetFile, steers: bool) -> Shown:
     """What does not change of a fleet."""
     leaders = [name for name, vehicle in file.vehicles.items() if not vehicle.follow]
     vehicles = [
-        {"name": name, "colour": hex_colour(index), "airframe": model_of(file, name).airframe}
-        for index, name in enumerate(file.vehicles)
+        {"name": name, "colour": colour, "airframe": model_of(file, name).airframe}
+        for name, colour in zip(file.vehicles, cycle(COLOURS), strict=False)
     ]
     return {
         "name": file.title,

@@ -115,7 +115,7 @@ def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pyt
         raise PreparedError
 
     monkeypatch.setattr("rcopterx.flights.recorder.Session", lambda _: Listening())
-    monkeypatch.setattr("rcopterx.flights.recorder.signal.signal", lambda *_: None)
+    monkeypatch.setattr("rcopterx.flights.recorder.ending_signals", list)
     with pytest.raises(PreparedError):
         run_recorder(RecorderSettings(BusAddress((), "lab", ""), "main", prepare, 0), print)
     assert taps == [(), (channels.KILL.topic, channels.EVERY_FLEET)]

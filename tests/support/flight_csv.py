@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx_studies.experiments.flight_csv import COLUMNS, CommandScale
+from rcopterx.radios.crtp import FULL_THRUST
+from rcopterx.radios.set_points import FullStick
+from rcopterx_studies.experiments.flight_csv import COLUMNS
 
-FULL = CommandScale(tilt_deg=30.0, yaw_rate_deg_s=200.0, thrust=60_000.0)
+FULL = FullStick()
 FLOOR_ROWS = 20
 
 
@@ -18,7 +20,7 @@ def rows_of(flight: FlightRecording) -> list[dict[str, float]]:
     position_m, yaw_rad = flight.position_m, flight.yaw_rad
     start = position_m[:1] - [0.0, 0.0, position_m[0, 2] - position_m[:, 2].min() + 1.0]
     heading = np.column_stack((np.cos(yaw_rad / 2), np.sin(yaw_rad / 2)))
-    yaw_deg = np.cumsum(FULL.yaw_rate_deg_s * flight.period_s * flight.inputs[:, 3])
+    yaw_deg = np.cumsum(FULL.full_yaw_rate_deg_s * flight.period_s * flight.inputs[:, 3])
     # The tilt turns about a horizontal axis, the heading about the vertical one before it.
     lean = np.sqrt((1 + np.sqrt(1 - np.sum(flight.tilt**2, axis=1))) / 2)
     across, along = flight.tilt[:, 0] / (2 * lean), -flight.tilt[:, 1] / (2 * lean)
@@ -32,9 +34,9 @@ def rows_of(flight: FlightRecording) -> list[dict[str, float]]:
         "qy": across * c - along * s,
         "qz": lean * s,
         "qw": lean * c,
-        "pid_controller_pitch": -FULL.tilt_deg * flight.inputs[:, 0],
-        "pid_controller_roll": -FULL.tilt_deg * flight.inputs[:, 1],
-        "pid_controller_cmd_thrust": FULL.thrust * flight.inputs[:, 2],
+        "pid_controller_pitch": -FULL.full_tilt_deg * flight.inputs[:, 0],
+        "pid_controller_roll": -FULL.full_tilt_deg * flight.inputs[:, 1],
+        "pid_controller_cmd_thrust": FULL_THRUST * flight.inputs[:, 2],
         "pid_controller_yaw": yaw_deg,
         "pwr_pm_vbat": flight.battery_v,
     }

@@ -1,4 +1,4 @@
-"""The arena as an experiment: every chosen scheme flies every chosen task."""
+"""The arena as an experiment: every chosen scheme flies every chosen task; errors relative to the first."""
 
 import hashlib
 import inspect
@@ -11,10 +11,11 @@ from typing import Any, Final
 from rcopterx.control.plugins import flying
 from rcopterx_studies.arena.flying import TIMES, FlownTask, arena_scheme, figures, fly_task
 from rcopterx_studies.arena.tasks import TASKS, quick
-from rcopterx_studies.experiments.runner import Cases, Experiment, Options
+from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
 
 OWN: Final = ("rcopterx", "rcopterx_studies")
 Document = Mapping[str, Mapping[str, Mapping[str, Any]]]  # figures by task and scheme
+Ratios = dict[str, dict[str, Any]]  # by task and scheme
 DEFAULT_SCHEMES: Final = (
     "cascade", "paper", "admm", "on_demand", "event_triggered", "consensus", "distributed_lqr"
 )  # fmt: skip
@@ -56,3 +57,27 @@ def foreign_digests(schemes: Sequence[str]) -> dict[str, str]:
             source = Path(inspect.getfile(kind))
             found[name] = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
     return found
+
+
+def error_ratios(
+    flown: Mapping[str, Mapping[int, FlownTask]], tasks: Sequence[str], schemes: Sequence[str]
+) -> Ratios:
+    """Return formation errors of the other schemes over those of the first one, in the same flights.
+
+    `flown`: flights by `task / scheme` and seed. Ratios of `rms` and `max` have their median over the seeds
+    with its 95 % interval, and the largest. Tasks without followers have no errors and are left out.
+    """
+    first, *others = schemes
+    bases = {task: flown[f"{task} / {first}"] for task in tasks}
+    return {
+        task: {name: _ratios(base, flown[f"{task} / {name}"]) for name in others}
+        for task, base in bases.items()
+        if all(flight.rms_mm > 0.0 for flight in base.values())
+    }
+
+
+def _ratios(base: Mapping[int, FlownTask], rival: Mapping[int, FlownTask]) -> dict[str, Any]:
+    return {
+        "rms": median_and_worst([rival[seed].rms_mm / base[seed].rms_mm for seed in base]),
+        "max": median_and_worst([rival[seed].max_mm / base[seed].max_mm for seed in base]),
+    }

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.control.interfaces import NO_TILT, Estimate, TiltEstimate
+from rcopterx.control.interfaces import Estimate, at_rest
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import MOTION_SIZE, Array, Z
 
 SET_POINTS = (
     (0.0, 0.0, 1.0, 0.0),
@@ -49,7 +49,7 @@ def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[
     rng = np.random.default_rng(seed)
     controller = CONTROLLERS.build("cascade", model, period_s, {})
     memory = np.exp(-period_s / CORRELATION_S)
-    present, last = at_rest(model), model.hover_input
+    present, last = at_rest(model)._replace(motion=np.eye(MOTION_SIZE)[Z]), model.hover_input
     moments = []
     for step in range(steps):
         set_point = np.array(SET_POINTS[int(step * period_s / HOLD_S) % len(SET_POINTS)])
@@ -66,12 +66,3 @@ def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[
             present = present._replace(tilt=present.tilt._replace(wind_m_s2=wind))
         present = predict(model, present, last, period_s)
     return moments
-
-
-def at_rest(model: Model) -> Estimate:
-    """Return the state of a vehicle that hovers at a height of 1 m."""
-    motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    tilt = NO_TILT
-    if model.tilt is not None:
-        tilt = TiltEstimate(np.zeros(model.tilt.dynamics().size), np.zeros(2), np.zeros(2), np.zeros(2))
-    return Estimate(motion, model.hover_input.copy(), np.zeros(4), tilt)

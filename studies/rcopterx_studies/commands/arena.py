@@ -46,10 +46,9 @@ def arena(
     """Fly schemes of distributed control on the same tasks, and compare them."""
     from rcopterx.control.plugins import SettingsError
     from rcopterx.simulator.conditions import PRESETS
-    from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
+    from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, error_ratios, foreign_digests
     from rcopterx_studies.arena.flying import arena_schemes
     from rcopterx_studies.arena.page import write_arena
-    from rcopterx_studies.arena.ratios import error_ratios
     from rcopterx_studies.arena.tasks import TASKS
     from rcopterx_studies.experiments.runner import Options
 

@@ -1,8 +1,8 @@
 """Flying faults in the simulator: `faults`."""
 
 import fnmatch
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,10 +45,10 @@ def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
 
 
 class FleetHolder:
-    """The fleet that flies faults, started again after a loss, from a copy that faults may change."""
+    """The fleet that flies faults, or its first `vehicles`; started again after a loss, from a copy."""
 
     def __init__(self, options: FlightOptions, vehicles: int | None) -> None:
-        self._options = options
+        self.options = options
         self._vehicles = vehicles
         self._stack = ExitStack()
         self._range: FaultRange | None = None
@@ -67,7 +67,7 @@ class FleetHolder:
         if file != self._file:
             self.close()
         if self._range is None:
-            self._file, options, path = file, self._options, None
+            self._file, options, path = file, self.options, None
             if options.start:
                 name = str(file or options.fleet or DEFAULT_FLEET)
                 path = self._stack.enter_context(copied_fleet(name, None if file else self._vehicles))
@@ -76,26 +76,10 @@ class FleetHolder:
             self._range = FaultRange(Bench(fleet, say, fleet.wait, path))
         return self._range.saying(say)
 
-    @property
-    def starts(self) -> bool:
-        """Whether it starts its fleets."""
-        return self._options.start
-
     def close(self) -> None:
         """Land and stop the fleet if it was started here."""
         self._range = None
         self._stack.close()
-
-
-@contextmanager
-def fleet_holder(options: FlightOptions, vehicles: int | None) -> Iterator[FleetHolder]:
-    """Yield a holder of a fleet, perhaps of its first vehicles only; stop its last fleet at the end."""
-    from rcopterx_studies.faults.orders import obedient_processes
-
-    with ExitStack() as stack:
-        if options.start:
-            stack.enter_context(obedient_processes())
-        yield stack.enter_context(closing(FleetHolder(options, vehicles)))
 
 
 @app.command(rich_help_panel="Try out faults")
@@ -118,6 +102,7 @@ def faults(
 
     One fleet flies them while it survives. Ctrl-C lands.
     """
+    from rcopterx_studies.faults.orders import obedient_processes
     from rcopterx_studies.faults.reports import worst_of
 
     rows = chosen_faults(names or [])
@@ -128,7 +113,8 @@ def faults(
     options = FlightOptions(fleet, start, record, report, as_json, speed, lockstep)
     options.prepare()
     reports: list[dict[str, Any]] = []
-    with fleet_holder(options, vehicles) as holder:
+    obedient = obedient_processes() if start else nullcontext()
+    with obedient, closing(FleetHolder(options, vehicles)) as holder:
         try:
             for number, row in enumerate(rows, 1):
                 head = f"[{number}/{len(rows)}] {row.name}"
@@ -146,10 +132,10 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
     from rcopterx_studies.faults.reports import not_flown
 
     say = Progress(head).say
-    if row.fleet is not None and not holder.starts:
+    if row.fleet is not None and not holder.options.start:
         return not_flown(row, ADD_UP)
     place = holder.fault_range(say, row.fleet)
-    reason = None if holder.starts else ADD_UP
+    reason = None if holder.options.start else ADD_UP
     if place.fleet.file.clock.lockstep:
         reason = "it breaks processes, for which lockstep waits"
     if row.launched and reason is not None:

@@ -7,13 +7,7 @@ from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.radios.crazyflie import CrazyflieProtocol
-from rcopterx.radios.crtp import FULL_THRUST
-from rcopterx_studies.experiments.flight_csv import (
-    CommandScale,
-    read_columns,
-    read_flight,
-    read_mapped,
-)
+from rcopterx_studies.experiments.flight_csv import read_columns, read_flight, read_mapped
 
 
 def recorded_flight(file: FleetFile, name: str, path: Path, columns: Path | None) -> FlightRecording:
@@ -28,5 +22,4 @@ def recorded_flight(file: FleetFile, name: str, path: Path, columns: Path | None
     radio = protocol_of(file, name)
     if not isinstance(radio, CrazyflieProtocol):
         raise FleetError(f"vehicles.{name}: without --columns its radio protocol has to be 'crazyflie'")
-    full = CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)
-    return read_flight(path, kind, full)
+    return read_flight(path, kind, radio.settings)

@@ -9,7 +9,6 @@ import math
 import tomllib
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -24,6 +23,8 @@ from rcopterx.control.identification.recording import (
     interpolated,
 )
 from rcopterx.control.interfaces import Measurement
+from rcopterx.radios.crtp import FULL_THRUST
+from rcopterx.radios.set_points import FullStick
 from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
 
@@ -37,15 +38,6 @@ PERIOD_S: Final = 0.02  # at which flights are read, or at their own period if t
 AIRBORNE_M: Final = 0.3  # a vehicle flies from when it first is so far above its lowest pose until it last is
 SPIKE_ROWS: Final = 2  # longest spike of a stick that is removed
 _UNIT: Final = 0.01  # largest departure of a quaternion's length from one
-
-
-@dataclass(frozen=True)
-class CommandScale:
-    """What full sticks command: roll and pitch, rate of yaw, thrust in the firmware's units."""
-
-    tilt_deg: float
-    yaw_rate_deg_s: float
-    thrust: float
 
 
 class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -111,9 +103,10 @@ def is_csv(path: Path) -> bool:
     return path.name.endswith(SUFFIXES)
 
 
-def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
+def read_flight(path: Path, kind: str, full: FullStick, full_thrust: float = FULL_THRUST) -> FlightRecording:
     """Read the part of a CSV file in which the vehicle flies, as one of a type, at regular times.
 
+    `full`, and `full_thrust` in the firmware's units, are what full sticks command.
     Raises `RecordingError`, which names file and line: nothing flies, values or poses are missing or wrong.
     """
     try:
@@ -127,8 +120,8 @@ def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
         pitch_deg, roll_deg, thrust, yaw_deg, volts = flown[:, 2 + len(POSE) :].T
         yaw_rate_deg_s = np.gradient(np.unwrap(yaw_deg, period=360.0), poses.time_s)
         # The firmware pitches up and rolls to the right for positive angles.
-        sticks = (-pitch_deg / full.tilt_deg, -roll_deg / full.tilt_deg, thrust / full.thrust,
-                  yaw_rate_deg_s / full.yaw_rate_deg_s)  # fmt: skip
+        sticks = (-pitch_deg / full.full_tilt_deg, -roll_deg / full.full_tilt_deg, thrust / full_thrust,
+                  yaw_rate_deg_s / full.full_yaw_rate_deg_s)  # fmt: skip
         return poses.recording(kind, np.column_stack(sticks), volts)
     except (OSError, EOFError, zlib.error, TextError, RecordingError) as error:
         raise RecordingError(f"{path}: {error}") from None

@@ -24,7 +24,7 @@ from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, inertial_velocity
-from rcopterx_studies.experiments.flight_csv import CommandScale, is_csv, read_flight
+from rcopterx_studies.experiments.flight_csv import is_csv, read_flight
 from rcopterx_studies.experiments.knowledge import CRAZYFLIE
 from rcopterx_studies.experiments.record import rms
 from rcopterx_studies.figures import finish_figure
@@ -97,13 +97,11 @@ def read_flights(directory: Path) -> tuple[dict[str, FlightRecording], dict[str,
 
     Raises `RecordingError` for fewer than `FEWEST` flights.
     """
-    settings = CrazyflieSettings()
-    full = CommandScale(settings.full_tilt_deg, settings.full_yaw_rate_deg_s, FIRMWARE_THRUST)
     flights, unusable = {}, {}
     for path in sorted(filter(is_csv, directory.iterdir())):
         name = path.name.partition(".")[0]
         try:
-            flights[name] = read_flight(path, CRAZYFLIE.kind, full)
+            flights[name] = read_flight(path, CRAZYFLIE.kind, CrazyflieSettings(), FIRMWARE_THRUST)
         except RecordingError as error:
             unusable[name] = str(error)
     if len(flights) < FEWEST:

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
+from unittest.mock import patch
 
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-from rcopterx_studies.environment import environment_with
 
 VARIABLE: Final = "RCOPTERX_FAULT_ORDERS"
 """Environment variable with the directory in which processes find their orders."""
@@ -23,7 +23,7 @@ def obedient_processes() -> Iterator[None]:
     paths = [str(INSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
     with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
         values = {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
-        with environment_with(values):
+        with patch.dict(os.environ, values):
             yield
 
 

@@ -11,6 +11,7 @@ from rcopterx.simulator.faults import (
     BreakRadio,
     BreakVehicle,
     DisplacePose,
+    Fault,
     Freeze,
     FreezePose,
     Occlude,
@@ -65,27 +66,35 @@ FAULTY_AXIS: Final = PromisedLimits(deviation_mm=None, drift_mm=8000.0, touchdow
 """A vehicle that drifts because a stick does not respond, and comes down gently."""
 
 
-def _survived(name: str, title: str, *faults: Injector) -> FaultFlight:
-    """A fault that vehicles survive."""
-    return FaultFlight(name, title, faults)
+def _row(
+    name: str,
+    title: str,
+    *faults: Injector | Fault,
+    promise: Promise = Promise.FLIES_ON,
+    down: tuple[str, ...] = (),
+    limits: PromisedLimits | None = None,
+) -> FaultFlight:
+    """Faults that vehicles survive, unless another promise says what happens to those that come down."""
+    injectors = tuple(one if isinstance(one, Injector) else LaboratoryFault(one) for one in faults)
+    return FaultFlight(name, title, injectors, promise, down, limits)
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
     """Faults of a process that vehicles survive."""
     return (
-        _survived(f"{what}-killed", f"SIGKILL of {process}", Killed(process)),
+        _row(f"{what}-killed", f"SIGKILL of {process}", Killed(process)),
         *(
-            _survived(
+            _row(
                 f"{what}-stopped-{seconds:g}-s",
                 f"SIGSTOP of {process} for {seconds:g} s",
                 Stopped(process, seconds),
             )
             for seconds in (0.1, 0.5, 2.0, 30.0)
         ),
-        _survived(f"{what}-spins", f"The loop of {process} spins", Spinning(process)),
-        _survived(f"{what}-starved", f"{process} gets no processor for 0.3 s", Starved(process)),
+        _row(f"{what}-spins", f"The loop of {process} spins", Spinning(process)),
+        _row(f"{what}-starved", f"{process} gets no processor for 0.3 s", Starved(process)),
         _slow(what, process),
-        _survived(
+        _row(
             f"{what}-dies-at-start",
             f"SIGKILL of {process}, and of its successor as soon as it is there",
             DiesAtStart(process),
@@ -96,21 +105,17 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
 def _slow(what: str, process: str) -> FaultFlight:
     """A process that slows down; the router as a whole, because messages do not pass through its loop."""
     if process == "router":
-        return _survived(f"{what}-slow", f"{process} is stopped for 10 of 30 ms", Halting(process))
-    return _survived(f"{what}-slow", f"Every turn of the loop of {process} takes 10 ms longer", Slow(process))
+        return _row(f"{what}-slow", f"{process} is stopped for 10 of 30 ms", Halting(process))
+    return _row(f"{what}-slow", f"Every turn of the loop of {process} takes 10 ms longer", Slow(process))
 
 
 def _crash_loop(
     what: str, promise: Promise, down: tuple[str, ...], seconds: float | None = None
 ) -> FaultFlight:
     """A process that does not start again, or only after some seconds."""
-    return FaultFlight(
-        f"{what}-crash-loop",
-        f"{PROCESSES[what]} dies, and every successor as soon as it is there",
-        (DiesAtStart(PROCESSES[what], None, seconds),),
-        promise,
-        down,
-    )
+    title = f"{PROCESSES[what]} dies, and every successor as soon as it is there"
+    fault = DiesAtStart(PROCESSES[what], None, seconds)
+    return _row(f"{what}-crash-loop", title, fault, promise=promise, down=down)
 
 
 PROCESS_ROWS: Final = (
@@ -147,105 +152,79 @@ PAIR_ROWS: Final = tuple(
 )
 
 
-def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Injector) -> FaultFlight:
+def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Fault) -> FaultFlight:
     """A fault after which vehicles without usable poses land open loop."""
-    return FaultFlight(name, title, faults, Promise.LANDS_OPEN_LOOP, down)
+    return _row(name, title, *faults, promise=Promise.LANDS_OPEN_LOOP, down=down)
 
 
 BUS_ROWS: Final = (
-    _survived("bus-late", "All messages are 20 ms late", Impaired("delay_s", 0.02)),
-    _survived("bus-loss", "A tenth of all messages is lost", Impaired("loss", 0.1)),
-    _survived("bus-doubled", "Every message arrives twice", Impaired("duplicates", 1.0)),
-    _survived(
-        "bus-reordered", "A fifth of all messages is overtaken by later ones", Impaired("reordering", 0.2)
-    ),
-    FaultFlight(
+    _row("bus-late", "All messages are 20 ms late", Impaired("delay_s", 0.02)),
+    _row("bus-loss", "A tenth of all messages is lost", Impaired("loss", 0.1)),
+    _row("bus-doubled", "Every message arrives twice", Impaired("duplicates", 1.0)),
+    _row("bus-reordered", "A fifth of all messages is overtaken by later ones", Impaired("reordering", 0.2)),
+    _row(
         "bus-old-messages",
         "Old poses, commands and plans are sent again, with this epoch and the last",
-        (OldMessages(),),
+        OldMessages(),
     ),
-    _survived("bus-flood", "200 messages of nonsense per second on every key", Flood()),
+    _row("bus-flood", "200 messages of nonsense per second on every key", Flood()),
 )
 
 BESIDE_M: Final = (0.5, 0.0, 0.0)
 POSE_ROWS: Final = (
-    _survived(
-        "pose-occluded-60-ms", "h2 is not seen for 60 ms", LaboratoryFault(Occlude("h2", duration_s=0.06))
-    ),
-    _survived(
-        "pose-occluded-200-ms", "h2 is not seen for 0.2 s", LaboratoryFault(Occlude("h2", duration_s=0.2))
-    ),
-    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), LaboratoryFault(Occlude("h2"))),
-    _survived(
-        "tracker-frozen-200-ms",
-        "The Tracker repeats a frame for 0.2 s",
-        LaboratoryFault(Freeze(duration_s=0.2)),
-    ),
-    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, LaboratoryFault(Freeze())),
-    _open_loop(
-        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), LaboratoryFault(FreezePose("h2"))
-    ),
-    _survived(
+    _row("pose-occluded-60-ms", "h2 is not seen for 60 ms", Occlude("h2", duration_s=0.06)),
+    _row("pose-occluded-200-ms", "h2 is not seen for 0.2 s", Occlude("h2", duration_s=0.2)),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), Occlude("h2")),
+    _row("tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", Freeze(duration_s=0.2)),
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, Freeze()),
+    _open_loop("pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), FreezePose("h2")),
+    _row(
         "pose-jumps-100-ms",
         "h2 is shown 0.5 m beside its place for 0.1 s",
-        LaboratoryFault(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
+        DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1),
     ),
     _open_loop(
-        "pose-jumps",
-        "h2 is shown 0.5 m beside its place",
-        ("h2",),
-        LaboratoryFault(DisplacePose("h2", offset_m=BESIDE_M)),
+        "pose-jumps", "h2 is shown 0.5 m beside its place", ("h2",), DisplacePose("h2", offset_m=BESIDE_M)
     ),
-    _survived(
+    _row(
         "pose-swapped-60-ms",
         "h2 and h3 are taken for one another for 60 ms",
-        LaboratoryFault(SwapSubjects("h2", other="h3", duration_s=0.06)),
+        SwapSubjects("h2", other="h3", duration_s=0.06),
     ),
-    _open_loop(
-        "pose-swapped",
-        "h2 and h3 are taken for one another",
-        BOTH,
-        LaboratoryFault(SwapSubjects("h2", other="h3")),
-    ),
-    FaultFlight(
+    _open_loop("pose-swapped", "h2 and h3 are taken for one another", BOTH, SwapSubjects("h2", other="h3")),
+    _row(
         "pose-drifts",
         "The pose of h2 drifts by 30 mm/s for 3 s",
-        (LaboratoryFault(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
+        DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0),
     ),
-    _survived(
-        "pose-noise",
-        "Noise of 2 mm on all positions",
-        LaboratoryFault(AddNoise(deviation_m=0.002, duration_s=2.0)),
+    _row("pose-noise", "Noise of 2 mm on all positions", AddNoise(deviation_m=0.002, duration_s=2.0)),
+    _row(
+        "tracker-half-rate", "The Tracker sends every second frame only", SkipFrames(one_of=2, duration_s=2.0)
     ),
-    FaultFlight(
-        "tracker-half-rate",
-        "The Tracker sends every second frame only",
-        (LaboratoryFault(SkipFrames(one_of=2, duration_s=2.0)),),
-    ),
-    _survived(
+    _row(
         "tracker-restarted-at-once",
         "The Tracker ends its connections and counts frames anew",
-        LaboratoryFault(ResetFrameId()),
-        LaboratoryFault(Reset()),
+        ResetFrameId(),
+        Reset(),
     ),
     _open_loop(
         "tracker-restarted",
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
         ALL,
-        LaboratoryFault(Silence(duration_s=3.0)),
-        LaboratoryFault(ResetFrameId()),
-        LaboratoryFault(Reset()),
+        Silence(duration_s=3.0),
+        ResetFrameId(),
+        Reset(),
     ),
 )
 
 RADIO_ROWS: Final = (
     *(
-        FaultFlight(
+        _row(
             f"radio-{name}",
             title,
-            (LaboratoryFault(BreakRadio("h2", condition=condition)),),
-            Promise.UNPROTECTED,
-            ("h2",),
+            BreakRadio("h2", condition=condition),
+            promise=Promise.UNPROTECTED,
+            down=("h2",),
         )
         for name, title, condition in (
             ("cable", "The cable of h2's radio module is pulled", "unplugged"),
@@ -253,31 +232,26 @@ RADIO_ROWS: Final = (
             ("no-dsm2", "The radio module of h2 refuses its protocol", "refusing"),
         )
     ),
-    _survived(
+    _row(
         "radio-adapter-0.2-s",
         "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
-        LaboratoryFault(BreakRadio("h2", condition="adapter", duration_s=0.2)),
+        BreakRadio("h2", condition="adapter", duration_s=0.2),
     ),
 )
 
 
-def _broken(
-    name: str,
-    title: str,
-    *faults: Injector,
-    promise: Promise = Promise.LANDS,
-    limits: PromisedLimits | None = None,
-) -> FaultFlight:
-    """Faults of h2 that bring it down."""
-    return FaultFlight(name, title, faults, promise, ("h2",), limits)
+def _lands(name: str, title: str, limits: PromisedLimits, *faults: Injector | Fault) -> FaultFlight:
+    """Faults of h2 after which it lands closed loop."""
+    return _row(name, title, *faults, promise=Promise.LANDS, down=("h2",), limits=limits)
 
 
 VEHICLE_ROWS: Final = (
-    _broken(
+    _row(
         "vehicle-dead",
         "The rotors of h2 stop",
-        LaboratoryFault(BreakVehicle("h2", thrust_factor=0.0)),
+        BreakVehicle("h2", thrust_factor=0.0),
         promise=Promise.UNPROTECTED,
+        down=("h2",),
     ),
     FaultFlight(
         "vehicle-does-not-lift",
@@ -286,77 +260,69 @@ VEHICLE_ROWS: Final = (
         Promise.REFUSED,
         on_floor=True,
     ),
-    _broken(
-        "vehicle-weak",
-        "h2 has only 0.65 of its thrust",
-        LaboratoryFault(BreakVehicle("h2", thrust_factor=0.65)),
-        limits=WEAK,
-    ),
-    _broken(
+    _lands("vehicle-weak", "h2 has only 0.65 of its thrust", WEAK, BreakVehicle("h2", thrust_factor=0.65)),
+    _lands(
         "vehicle-battery",
         "The battery of h2 falls to 0.58 of its thrust in 25 s",
+        WEAK,
         Draining("h2", 0.58, 25.0),
-        limits=WEAK,
     ),
-    _broken(
+    _lands(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
-        LaboratoryFault(BreakVehicle("h2", reversed="pitch")),
-        limits=FAULTY_AXIS,
+        FAULTY_AXIS,
+        BreakVehicle("h2", reversed="pitch"),
     ),
-    _broken(
-        "vehicle-stuck-roll",
-        "The roll stick of h2 is stuck",
-        LaboratoryFault(BreakVehicle("h2", stuck="roll")),
-        limits=FAULTY_AXIS,
+    _lands(
+        "vehicle-stuck-roll", "The roll stick of h2 is stuck", FAULTY_AXIS, BreakVehicle("h2", stuck="roll")
     ),
-    _broken(
+    _row(
         "vehicle-drifts",
         "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.12",
-        LaboratoryFault(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
-        LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.12, 0.0, 0.0))),
+        BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0),
+        BreakVehicle("h2", trim=(0.0, 0.12, 0.0, 0.0)),
         promise=Promise.LANDS_AND_REPORTS,
+        down=("h2",),
     ),
-    FaultFlight(
+    _row(
         "vehicle-trim",
         "The roll trim of h2 steps by 0.1",
-        (LaboratoryFault(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
+        BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0),
         limits=PromisedLimits(deviation_mm=250.0),
     ),
 )
 
 HOST_ROWS: Final = (
-    FaultFlight(
-        "disk-full", "No process can write to files, and agent h2 dies", (DiskFull(), Killed("agent-h2"))
-    ),
-    FaultFlight(
-        "logs-gone", "The log directory is gone, and agent h2 dies", (LogsGone(), Killed("agent-h2"))
-    ),
-    FaultFlight(
+    _row("disk-full", "No process can write to files, and agent h2 dies", DiskFull(), Killed("agent-h2")),
+    _row("logs-gone", "The log directory is gone, and agent h2 dies", LogsGone(), Killed("agent-h2")),
+    _row(
         "clock-set-back",
         "The wall clock goes back by an hour, and the Vicon gateway dies",
-        (ClockStepped(-3600.0), Killed("tracker")),
+        ClockStepped(-3600.0),
+        Killed("tracker"),
     ),
-    FaultFlight(
+    _row(
         "clock-set-back-and-bus-lost",
         "The wall clock goes back by an hour, and the router and the Vicon gateway die",
-        (ClockStepped(-3600.0), Killed("router"), Killed("tracker")),
+        ClockStepped(-3600.0),
+        Killed("router"),
+        Killed("tracker"),
         limits=BLIND,
     ),
-    FaultFlight(
+    _row(
         "clock-set-forward",
         "The wall clock goes forward by a day, and the Vicon gateway dies",
-        (ClockStepped(86_400.0), Killed("tracker")),
+        ClockStepped(86_400.0),
+        Killed("tracker"),
     ),
-    FaultFlight(
+    _row(
         "fleet-file-broken",
         "The fleet file is saved as nonsense, and agent h2 dies",
-        (FleetFileBroken(), Killed("agent-h2")),
+        FleetFileBroken(),
+        Killed("agent-h2"),
     ),
     *(
-        FaultFlight(
-            f"{what}-without-descriptors", f"{process} can open nothing more", (NoDescriptors(process),)
-        )
+        _row(f"{what}-without-descriptors", f"{process} can open nothing more", NoDescriptors(process))
         for what, process in PROCESSES.items()
     ),
 )

@@ -1,6 +1,7 @@
 """Rows of the table of fault flights: every fault at every moment of a take-off of every type."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -43,6 +44,7 @@ IN_PROOF: Final = PromisedLimits(None, touchdown_m_s=1.0, silence_ms=None, heigh
 """Of sticks that act the wrong way, which only a vehicle that has lifted can show."""
 SIGNS: Final = frozenset({"pitch-reversed", "roll-reversed", "yaw-reversed", "exchanged", "nose-backwards"})
 POSE: Final = "pose|position|see"
+RADIO: Final = "radio|transmitter|link|port"
 STICK: Final = "pitch|roll|yaw|nose|stick|axis"
 FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
     "frozen": ("its pose stands still, frames go on", FreezePose, "frozen|repeat"),
@@ -52,33 +54,21 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
         lambda name: SwapSubjects(name, other=BESIDE[name]),
         "subject|radio|pose jumped",
     ),
-    "jumped": ("it is shown 0.5 m beside its place", lambda n: DisplacePose(n, (0.5, 0.0, 0.0)), POSE),
-    "raised": ("it is shown 0.1 m higher", lambda n: DisplacePose(n, (0.0, 0.0, 0.1)), POSE),
+    "jumped": ("it is shown 0.5 m beside its place", partial(DisplacePose, offset_m=(0.5, 0.0, 0.0)), POSE),
+    "raised": ("it is shown 0.1 m higher", partial(DisplacePose, offset_m=(0.0, 0.0, 0.1)), POSE),
     "y-up": ("the stream has Y up and does not report it", lambda _: YUp(), "Y up|pose"),
     "millimetres": ("the stream is in millimetres", lambda _: Millimetres(), "millimetres|pose"),
     "occluded": ("it is not seen", Occlude, POSE),
     "tracker-frozen": ("the Tracker repeats a frame", lambda _: Freeze(), POSE + "|Tracker"),
     "tracker-silent": ("the Tracker is silent", lambda _: Silence(), POSE + "|Tracker"),
-    "radio-cable": ("the cable of its radio is pulled", BreakRadio, "radio|transmitter|link|port"),
-    "radio-power": ("its radio has no power", lambda n: BreakRadio(n, "off"), "radio|transmitter|link|port"),
-    "pitch-reversed": (
-        "its pitch stick acts the wrong way",
-        lambda n: BreakVehicle(n, reversed="pitch"),
-        STICK,
-    ),
-    "roll-reversed": ("its roll stick acts the wrong way", lambda n: BreakVehicle(n, reversed="roll"), STICK),
-    "yaw-reversed": ("its yaw stick acts the wrong way", lambda n: BreakVehicle(n, reversed="yaw"), STICK),
-    "exchanged": (
-        "its pitch and roll sticks are exchanged",
-        lambda n: BreakVehicle(n, exchanged=True),
-        STICK,
-    ),
+    "radio-cable": ("the cable of its radio is pulled", BreakRadio, RADIO),
+    "radio-power": ("its radio has no power", partial(BreakRadio, condition="off"), RADIO),
+    "pitch-reversed": ("its pitch stick acts the wrong way", partial(BreakVehicle, reversed="pitch"), STICK),
+    "roll-reversed": ("its roll stick acts the wrong way", partial(BreakVehicle, reversed="roll"), STICK),
+    "yaw-reversed": ("its yaw stick acts the wrong way", partial(BreakVehicle, reversed="yaw"), STICK),
+    "exchanged": ("its pitch and roll sticks are exchanged", partial(BreakVehicle, exchanged=True), STICK),
     "nose-backwards": ("its object has the nose backwards", TurnPose, STICK),
-    "weak": (
-        "it has three tenths of its thrust",
-        lambda n: BreakVehicle(n, thrust_factor=0.3),
-        "lift|battery",
-    ),
+    "weak": ("it has three tenths of its thrust", partial(BreakVehicle, thrust_factor=0.3), "lift|battery"),
 }
 """What is wrong: in words, as a fault of a vehicle, and the pattern of its cause."""
 

@@ -1,12 +1,13 @@
 """Runs the real agent on the inputs of a recorded one, and compares what both did."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import msgspec
 import numpy as np
 
+from rcopterx.agents.guards.time_limit import Overtime, TimeLimit
 from rcopterx.agents.process import TRAJECTORY_CHECKED, TUNED, Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
@@ -17,7 +18,6 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.vehicles.state import MOTION_SIZE, Array
 from rcopterx_studies.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
-from rcopterx_studies.replay.repeated_time_limit import RepeatedTimeLimit
 from rcopterx_studies.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6  # of inputs, positions [m] and speeds [m/s] on a different computer
@@ -91,6 +91,36 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
     if compared.errors:
         result.rms_input = tuple(np.sqrt(np.mean(np.square(compared.errors), axis=0)).tolist())
     return result
+
+
+class RepeatedTimeLimit(TimeLimit):
+    """Ends the calls of a replayed agent where those of the recorded one ended, see `NotedTimeLimit`."""
+
+    def __init__(self) -> None:
+        self._noted: frozenset[Overtime] = frozenset()
+        self._calls = self._queries = 0
+        self._over = False
+
+    def begin_step(self, overtime: Iterable[Overtime]) -> None:
+        """Repeat this overtime in the next step."""
+        self._noted = frozenset(overtime)
+        self._calls = 0
+
+    def begin(self, limit_s: float) -> None:  # noqa: ARG002 - the limit of the recording applies
+        """See `TimeLimit.begin`."""
+        self._calls += 1
+        self._queries = 0
+        self._over = False
+
+    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
+        """See `TimeLimit.end`."""
+        return (self._calls, 0) in self._noted
+
+    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
+        """See `TimeLimit.over`."""
+        self._queries += 1
+        self._over = self._over or (self._calls, self._queries) in self._noted
+        return self._over
 
 
 @dataclass

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.agents.guards.time_limit import NotedTimeLimit, TimeLimit
-from rcopterx_studies.replay.repeated_time_limit import RepeatedTimeLimit
+from rcopterx_studies.replay.agent_replay import RepeatedTimeLimit
 
 calls = st.tuples(st.integers(0, 6), st.integers(0, 8), st.booleans())
 """Questions during a call, from which of them on its time is over, and whether it is over afterwards."""

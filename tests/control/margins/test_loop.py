@@ -17,7 +17,7 @@ from rcopterx.control.controllers.cascade.weights import (
 )
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.interfaces import Measurement
+from rcopterx.control.interfaces import Measurement, at_rest
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop, Perturbation, margins
 from rcopterx.control.models.linear import zero_order_hold
@@ -25,7 +25,6 @@ from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.control.solver.sweep import Factor, factorize
 from rcopterx.vehicles.model import Departures, Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
-from rcopterx_studies.benchmarks.flight import at_rest
 
 PERIOD_S = 0.02
 EVEN = replace(COAXIAL, input_gain=(2.0, 2.0, 18.0, 111.0))
@@ -124,7 +123,8 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
 def resting(model: Model) -> CascadeTask:
     """Task of a vehicle that rests at the origin."""
     limits = CascadeSettings().limits(model)
-    return CascadeTask(at_rest(model), np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
+    hovering = at_rest(model)._replace(motion=np.eye(8)[2])
+    return CascadeTask(hovering, np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
 
 
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:

@@ -16,10 +16,9 @@ from rcopterx.control import plugins
 from rcopterx.control.plugins import SCHEMES
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.arena import arena as arena_module
-from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
+from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, error_ratios, foreign_digests
 from rcopterx_studies.arena.flying import FlownTask, arena_scheme, arena_schemes, fly_task
 from rcopterx_studies.arena.page import ranked, write_arena
-from rcopterx_studies.arena.ratios import error_ratios
 from rcopterx_studies.arena.tasks import HEAD, TASKS, wedge
 from rcopterx_studies.experiments.events import GoToEvent
 from rcopterx_studies.experiments.rig import RigOptions

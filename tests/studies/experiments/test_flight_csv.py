@@ -10,6 +10,7 @@ import pytest
 from support.flight_csv import FULL, rows_of, write_csv
 
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
+from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx_studies.experiments.flight_csv import is_csv, read_columns, read_flight, read_mapped
 
 Rows = list[dict[str, float]]
@@ -148,7 +149,7 @@ until_s = 1700000001.395
 
 def mapped(directory: Path, rows: Rows, text: str = MAP) -> FlightRecording:
     columns = directory / "columns.toml"
-    columns.write_text(text.format(share=-1.0 / FULL.tilt_deg, thrust=1.0 / FULL.thrust))
+    columns.write_text(text.format(share=-1.0 / FULL.full_tilt_deg, thrust=1.0 / FULL_THRUST))
     return read_mapped(write_csv(directory / "flight.csv", rows), "coaxial", read_columns(columns))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.flight_csv import FULL, rows_of, write_csv
+from support.flight_csv import rows_of, write_csv
 from support.simulated_flight import simulated_flight
 from support.vehicle_types import CRAZYFLIE
 from typer.testing import CliRunner
@@ -17,6 +17,7 @@ from rcopterx.command_line import app
 from rcopterx.commands.output import write_plot
 from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx_studies.experiments.real_flights import (
     AHEAD_S,
     CONSTANT,
@@ -95,7 +96,7 @@ def test_files_that_are_no_flights_are_named(tmp_path: Path) -> None:
     flights, unusable = read_flights(tmp_path)
     assert list(flights) == ["0", "1", "2", "3"]
     assert "no column" in unusable["bad"]
-    thrust = flights["0"].inputs[:, 2] * 65535 / FULL.thrust
+    thrust = flights["0"].inputs[:, 2] * 65535 / FULL_THRUST
     np.testing.assert_allclose(thrust, flight(1).inputs[: len(thrust), 2], atol=1e-3)
 
 

@@ -1,5 +1,6 @@
-"""Work that can block for seconds, beside a loop that serves several vehicles."""
+"""Work that can block for seconds, as looking up names can, beside a loop that must not wait for it."""
 
+import socket
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
@@ -8,6 +9,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 Start = Callable[[Callable[[], None]], None]
+Address = tuple[str, int]
 
 
 def in_thread(work: Callable[[], None]) -> None:
@@ -34,3 +36,11 @@ def _complete(result: Future[T], work: Callable[[], T]) -> None:
         # Tracebacks lead to the result: cycles, which a loop without garbage collection would keep.
         error.__traceback__ = error.__context__ = None
         result.set_exception(error)
+
+
+def look_up(host: str, port: int) -> Address:
+    """Return the address of a host name; raises `OSError`. It may block."""
+    try:
+        return str(socket.getaddrinfo(host, port, socket.AF_INET)[0][4][0]), port
+    except UnicodeError as error:  # a label of the name is empty or too long
+        raise OSError(f"{host!r} is no host name: {error}") from None
