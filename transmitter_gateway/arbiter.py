@@ -369,7 +369,7 @@ class Arbiter:
             limiter.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:
             limiter.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
-        elif self.state is State.DESCEND and self.lift_off.sinking:
+        elif self.state in FLYING and (self.lift_off.sinking or self.lift_off.unfinished):
             limiter.sink(self.lift_off.sinking_thrust)
         elif self.state in FLYING:
             limiter.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)

@@ -28,6 +28,7 @@ REPEATED_S: Final = 0.08  # a position that repeats itself exactly for so long..
 REPEATED: Final = 3  # ...and so often is frozen
 ASIDE_M: Final = 0.05  # from where it stood, without rising
 GAP_S: Final = 0.1  # after so long without a pose it may have slid
+WAITED_S: Final = 0.5  # for so long poses may have waited for a process that was stopped
 LOW_M: Final = 0.02  # a vehicle that is lower has not risen enough to move sideways
 TILT_RAD: Final = 0.35
 JUMP_M: Final = 0.03
@@ -131,9 +132,17 @@ class LiftOffProof:
         return self.problem is not None and self._sunk_s < SINKING_S
 
     @property
+    def unfinished(self) -> bool:
+        """Whether it has left the floor and proved nothing yet."""
+        return self.problem is None and not self.proved and self._rise_m > ROSE_M
+
+    @property
     def sinking_thrust(self) -> float:
         """Thrust that brings it to the floor gently, without any pose."""
-        return RESTING_SHARE * self._limits.hover_thrust if self._flew and self._braked else 0.0
+        sinks = self._flew and self._braked
+        if self.unfinished:
+            sinks = braked(self._climb_m_s, self.share, self._limits.rotor_lag_s)
+        return RESTING_SHARE * self._limits.hover_thrust if sinks else 0.0
 
     def thrust(self, applied: float, elapsed_s: float, *, stands: bool) -> None:
         """Use the thrust applied for the last `elapsed_s`; a vehicle that `stands` has to prove the next."""
@@ -166,7 +175,7 @@ class LiftOffProof:
             return
         last = self._newest[-1] if self._newest else None
         if last is not None:
-            now_s = max(now_s, min(last[0] + captured_s, now_s + GAP_S))
+            now_s = max(now_s, min(last[0] + captured_s, now_s + WAITED_S))
         self._count_repeats(pose.position_m, now_s)
         if last is not None and self._acting > STARTED * self._limits.hover_thrust:
             self._judge_step(pose.position_m, now_s - last[0], last[1])

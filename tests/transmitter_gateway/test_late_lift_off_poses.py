@@ -12,6 +12,7 @@ U_HOVER, FRAME_S = 0.55, 0.02
 SLEW: Input = (20.0, 20.0, 4.0, 8.0)
 JUMPED = "its pose jumped"
 SPEED_M_S = 0.85
+CLIMB_M_S = 0.4
 
 
 class Hop:
@@ -21,7 +22,7 @@ class Hop:
         self.arbiter = Arbiter(
             "h1", ArbiterLimits(lift_off=LiftOffLimits(hover_thrust=U_HOVER)), U_HOVER, SLEW
         )
-        self.frame, self._together = 0, together
+        self.frame, self.together = 0, together
         for number in range(50):
             self.pose(1e-4 * (number % 3))
         for _ in range(6):
@@ -29,7 +30,7 @@ class Hop:
 
     def pose(self, height_m: float) -> None:
         self.frame += 1
-        arrives_s = FRAME_S * (self._together * -(-self.frame // self._together))
+        arrives_s = FRAME_S * (self.together * -(-self.frame // self.together))
         pose = PoseInput("h1", 1, self.frame, (0.0, 0.0, height_m), FRAME_S, 0.0)
         self.arbiter.pose(pose, arrives_s)
 
@@ -45,6 +46,16 @@ def test_a_hop_whose_poses_arrive_together_is_no_jump(together: int) -> None:
     hop = Hop(together)
     hop.hop()
     assert hop.arbiter.lift_off.problem != JUMPED
+
+
+@pytest.mark.parametrize("together", [1, 5, 20])
+def test_a_climb_whose_poses_wait_for_a_stopped_gateway_is_no_jump(together: int) -> None:
+    hop = Hop(together)
+    for number in range(1, 60):
+        if number == 40:  # the gateway is up to date again
+            hop.together = 1
+        hop.pose(CLIMB_M_S * number * FRAME_S)
+    assert hop.arbiter.lift_off.problem is None
 
 
 @pytest.mark.parametrize("together", [1, 2, 3])
