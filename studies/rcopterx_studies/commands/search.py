@@ -1,7 +1,6 @@
 """Searching for flights that break a promise: `search`."""
 
 import time
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -43,7 +42,6 @@ class _Search:
     found: list[dict[str, Any]] = field(default_factory=list)
     flights: int = 0
     flown_s: float = 0.0
-    visited: Counter[str] = field(default_factory=Counter)
 
     def add(self, flight: "Flight", flown: "Flown", say: Progress) -> None:
         """Note a flight; shrink one that breaks a promise, and write it to a file."""
@@ -52,7 +50,6 @@ class _Search:
 
         self.flights += 1
         self.flown_s += flown.flown_s
-        self.visited.update(flown.visited)
         if not flown.findings:
             return
         promise, _, text = flown.findings[0]
@@ -90,8 +87,9 @@ def search(
     """
     import logging
 
-    from rcopterx_studies.search.flights import drawn_flight, read_flight
+    from rcopterx_studies.search.flights import read_flight
     from rcopterx_studies.search.flying import fly
+    from rcopterx_studies.search.guiding import Guide
 
     logging.disable(logging.CRITICAL)
     if files:
@@ -106,16 +104,17 @@ def search(
             lines = [f"{found.promise} at {found.at_s:.3f} s: {found.text}" for found in flown.findings]
             typer.echo(f"{path}: {'; '.join(lines) or 'all promises hold'} (digest {flown.digest})")
         raise typer.Exit(EXIT_FAILED if broken else 0)
-    numbers, kinds = _numbers(vehicles), tuple(types.split(","))
+    guide = Guide(_numbers(vehicles), tuple(types.split(",")))
     ends_s, result = time.monotonic() + 3600.0 * hours, _Search(directory)
     while time.monotonic() < ends_s or not result.flights:
-        flight = drawn_flight(seed + result.flights, numbers, kinds)
+        flight = guide.draw(seed + result.flights)
         say = Progress(f"seed {flight.seed}")
         flown = fly(flight)
         say.say(f"{len(flight.types)} vehicles, {len(flight.happenings)} happenings, {flown.flown_s:.0f} s")
+        guide.note(flight, flown.visited)
         result.add(flight, flown, say)
-    flown_s, visited = round(result.flown_s), dict(sorted(result.visited.items()))
-    document = {"flights": result.flights, "flown_s": flown_s, "found": result.found, "transitions": visited}
+    flown_s, visited = round(result.flown_s), dict(sorted(guide.visited.items()))
+    document = {"flights": result.flights, "flown_s": flown_s, "found": result.found, "visited": visited}
     print_document(document, as_json, _text)
     if result.found:
         raise typer.Exit(EXIT_FAILED)
@@ -126,5 +125,5 @@ def _text(document: dict[str, Any]) -> str:
         f"{one['promise']:12} seed {one['seed']}: {one['text']}; rcopterx search {one['file']}"
         for one in document["found"]
     ]
-    transitions = f"{len(document['transitions'])} transitions of arbiters"
-    return "\n".join([*lines, f"{document['flights']} flights of {document['flown_s']} s, {transitions}"])
+    visited = f"{len(document['visited'])} states and transitions"
+    return "\n".join([*lines, f"{document['flights']} flights of {document['flown_s']} s, {visited}"])

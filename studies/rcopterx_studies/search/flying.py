@@ -28,7 +28,7 @@ class Flown(NamedTuple):
 
     findings: list[Finding]
     digest: str  # equal for flights with the same bits
-    visited: dict[str, int]  # transitions of arbiters
+    visited: dict[str, int]  # states and transitions of arbiters and pilots
     flown_s: float
 
 

@@ -43,12 +43,13 @@ class Watch:
     def __init__(self, flight: Flight, low_m: Three, high_m: Three) -> None:
         self.findings: list[Finding] = []
         self.visited: Counter[str] = Counter()
-        """Transitions of arbiters and phases, as a measure of what was flown."""
+        """States and transitions of arbiters and pilots, as a measure of what was flown."""
         self._low_m, self._high_m = low_m, high_m
-        self._excused = excuses_of(flight)
+        self._excused, self._vehicles = excuses_of(flight), flight.vehicles
         self._touchdowns: Counter[str] = Counter()
         self._highest_m: dict[str, float] = {}
         self._states: dict[str, str] = {}
+        self._doing: dict[str, str] = {}  # of agents
         self._kills: dict[str, float] = {}
         self._disturbed_s = -math.inf
         self._disturbances = 0
@@ -82,6 +83,8 @@ class Watch:
             )
         elif message.topic == channels.APPLIED.topic:
             self._check_state(message)
+        elif message.topic == channels.AGENT_STATUS.topic and message.unit in self._vehicles:
+            self._note_agent(message)
 
     def find(self, promise: str, at_s: float, text: str) -> None:
         """Note a broken promise, each once."""
@@ -96,6 +99,18 @@ class Watch:
             self._states[vehicle] = state
         if state == "killed":
             self._kills.pop(vehicle, None)
+
+    def _note_agent(self, message: RawMessage) -> None:
+        """Note what an agent does while its arbiter is in a state, and how that changes."""
+        status = decode(message.payload, channels.AGENT_STATUS.message)
+        doing = (
+            f"{status.phase}, {status.following_mode}" if status.following_mode != "follow" else status.phase
+        )
+        before = self._doing.get(message.unit, "")
+        self._doing[message.unit] = doing
+        self.visited[f"{doing} in {self._states.get(message.unit, '')}"] += 1
+        if doing != before:
+            self.visited[f"{before} > {doing}"] += 1
 
     def _check_truth(self, vehicles: Mapping[str, LaboratoryVehicle], at_s: float) -> None:
         for name, asked_s in list(self._kills.items()):

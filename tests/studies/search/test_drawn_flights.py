@@ -5,6 +5,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec import convert
 from msgspec.structs import replace
 
@@ -22,6 +24,7 @@ from rcopterx_studies.search.flights import (
     read_flight,
 )
 from rcopterx_studies.search.flying import impaired
+from rcopterx_studies.search.guiding import Guide, varied
 from rcopterx_studies.search.shrinking import shrunk
 from rcopterx_studies.search.watch import excuses_of
 
@@ -102,3 +105,28 @@ def test_impaired_messages_are_lost_doubled_and_late_until_the_time_is_over() ->
     assert 150 < copies.count(0) < 250
     assert all(5.0 <= time_s <= 5.05 for times_s in arrivals for time_s in times_s)
     assert travel(10.5) == (10.5,)
+
+
+def test_what_was_seldom_reached_is_flown_again_varied() -> None:
+    guide = Guide([2])
+    rare, usual = drawn_flight(1, [2]), drawn_flight(2, [2])
+    for _ in range(50):
+        guide.note(usual, {"armed": 9})
+    guide.note(rare, {"armed": 9, "armed > killed": 1})
+    flights = [guide.draw(seed) for seed in range(100, 200)]
+    assert flights == [guide.draw(seed) for seed in range(100, 200)]
+    new = [drawn_flight(seed, [2]) for seed in range(100, 200)]
+    others = [flight for flight in flights if flight not in new]
+    assert 30 < len(others) < 70
+    ups = [flight.happenings[0] for flight in others]
+    assert ups.count(rare.happenings[0]) > ups.count(usual.happenings[0])
+
+
+@given(st.integers(0, 1000), st.integers(0, 1000), st.integers(0, 1000))
+def test_a_varied_flight_can_be_flown(one: int, other: int, seed: int) -> None:
+    flight = varied(drawn_flight(one, [1, 2, 3]), drawn_flight(other, [1, 2, 3]), random.Random(seed))
+    times_s = [happening.at_s for happening in flight.happenings]
+    assert times_s == sorted(times_s)
+    assert flight.seconds > times_s[-1]
+    strange = {f"v{number}" for number in range(1, 7)} - set(flight.vehicles)
+    assert not any(name in str(msgspec.to_builtins(flight.happenings)) for name in strange)
