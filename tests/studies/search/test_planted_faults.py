@@ -2,7 +2,7 @@
 
 import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +15,11 @@ from rcopterx.bus.session import Session
 from rcopterx.transmitter_gateway import radios, transitions
 from rcopterx.transmitter_gateway.command_validator import Leases
 from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
+from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, StatePage, page_of_process
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition, Transition
+from rcopterx.vehicles import lift_off
 from rcopterx.vicon_gateway.frame import EpochCounter
 from rcopterx_studies.search.flights import drawn_flight
 from rcopterx_studies.search.flying import Flown, fly
@@ -25,8 +28,8 @@ pytestmark = pytest.mark.timeout(600)
 Planted = Callable[[], AbstractContextManager[Any]]
 
 
-def flown(seed: int) -> Flown:
-    return fly(drawn_flight(seed, vehicles=[1]))
+def flown(seed: int, vehicles: Sequence[int] = (1,)) -> Flown:
+    return fly(drawn_flight(seed, vehicles))
 
 
 def with_rows(change: Callable[[Transition], Transition | None]) -> AbstractContextManager[Any]:
@@ -80,6 +83,45 @@ def no_second_lease() -> AbstractContextManager[Any]:
         return 0 if others else bid(self, agent, now_s, **how)
 
     return patch.object(Leases, "bid", first_only)
+
+
+def late_poses_jump() -> AbstractContextManager[Any]:
+    """Poses of a lift-off that have waited for a stopped gateway count as captured when they arrive."""
+    return patch.object(lift_off, "WAITED_S", 0.1)
+
+
+def unanswered_poses_teach() -> AbstractContextManager[Any]:
+    """The hover thrust is learned from the pose of another body that stands."""
+    return patch.object(PoseMonitor, "doubtful", False)
+
+
+def falls_unfinished() -> AbstractContextManager[Any]:
+    """A lift-off whose commands end keeps its thrust off when its climb has ended."""
+    return patch.object(lift_off.LiftOffProof, "unfinished", False)
+
+
+def doubt_begins_anew() -> AbstractContextManager[Any]:
+    """A successor of a gateway forgets how well the hover thrust was known."""
+    take_over = OutputLimiter.take_over
+    return patch.object(
+        OutputLimiter, "take_over", lambda self, u, hover_thrust, _: take_over(self, u, hover_thrust, 0.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("planted", "seed", "promise"),
+    [
+        (late_poses_jump, 10052, "touchdown"),
+        (unanswered_poses_teach, 10014, "volume"),
+        (falls_unfinished, 10076, "touchdown"),
+        (doubt_begins_anew, 1004, "touchdown"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_fault_that_the_search_found_is_found_again(planted: Planted, seed: int, promise: str) -> None:
+    with planted():
+        assert promise in [finding.promise for finding in flown(seed, (1, 2, 3)).findings]
+    assert flown(seed, (1, 2, 3)).findings == []
 
 
 @pytest.mark.parametrize(
