@@ -4,9 +4,12 @@ import math
 from dataclasses import dataclass, fields
 
 from rcopterx.vehicles.lift_off import LiftOffLimits
+from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Four, Three
 
 FAREWELL_S = 2.0
+SINKING_S = 0.7  # until a vehicle without poses sinks, and for the drag of its rotor
+LONGEST_DESCENT_S = 3.5
 """For the throttle-low frames at the end, on a busy computer."""
 
 
@@ -207,15 +210,15 @@ class ArbiterLimits:
     lift_off: LiftOffLimits | None = None
     """How a lift-off is watched until the own pose has risen; None for not at all."""
 
-    @property
-    def descent_s(self) -> float:
-        """Longest descent without poses."""
-        return self.cut_after_s - self.descend_after_s
+    def descent_s(self, height_m: float) -> float:
+        """Longest descent without poses of a vehicle that was seen at this height over the floor last [s]."""
+        falls_s = math.sqrt(2.0 * max(height_m, 0.0) / (self.descend_below_hover * GRAVITY_M_S2))
+        return min(max(self.cut_after_s - self.descend_after_s, falls_s + SINKING_S), LONGEST_DESCENT_S)
 
     @property
     def longest_shutdown_s(self) -> float:
         """Longest time from the request to shut down until the port may be closed."""
-        return self.landing.longest_s + self.descent_s + FAREWELL_S
+        return self.landing.longest_s + LONGEST_DESCENT_S + FAREWELL_S
 
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")

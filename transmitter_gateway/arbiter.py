@@ -66,7 +66,7 @@ class Arbiter:
         self._climb_m_s: float | None = None
         self._located = False
         self._now_s = self._applied_s = -math.inf
-        self._entered_s = self._landing_since_s = -math.inf
+        self._entered_s = self._landing_since_s = self._descended_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
         self._bridging_step = 0
@@ -219,7 +219,7 @@ class Arbiter:
             Condition.THRUST_WANTED: state is State.KILLED and self._validator.thrust_wanted(now_s),
             Condition.IDLE: state is State.ARMED and now_s >= self._idle_at_s,
             Condition.HOLD_OVER: state is State.HOLD and now_s >= self._entered_s + limits.hold_limit_s,
-            Condition.DESCENT_OVER: state is State.DESCEND and now_s >= self._entered_s + limits.descent_s,
+            Condition.DESCENT_OVER: state is State.DESCEND and now_s >= self._descended_s,
             Condition.LANDING_OVER: state in ON_THE_WAY_DOWN and now_s >= landing_over_s,
         }
         if stream is not None:
@@ -353,6 +353,9 @@ class Arbiter:
             self._landing_since_s = now_s
         self.state = row.target
         self._entered_s = now_s
+        own = self.pose_monitor.own_track
+        seen_m = own.position_m[2] if own is not None and own.position_m is not None else self._floor_m
+        self._descended_s = now_s + self.limits.descent_s(seen_m - self._floor_m)
         self.counters[f"entered {row.target}"] += 1
 
     # Output -------------------------------------------------------------------------------------------
@@ -372,7 +375,7 @@ class Arbiter:
         elif self.state in FLYING and (self.lift_off.sinking or self.lift_off.unfinished):
             limiter.sink(self.lift_off.sinking_thrust)
         elif self.state in FLYING:
-            limiter.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)
+            limiter.descend(elapsed_s, over=now_s >= self._descended_s)
         else:
             limiter.stop()
 
@@ -391,7 +394,7 @@ class Arbiter:
             times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
-        times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
+        times += [self._entered_s + limits.hold_limit_s, self._descended_s]
         if self.state is State.LAND and (own := self.pose_monitor.own_track) is not None:
             landing = limits.landing
             times += [own.captured_s + landing.pose_age_s, self._landing_since_s + landing.longest_s]

@@ -38,7 +38,7 @@ class Bench:
         self.lease = self.arbiter.bid(1, start_s, take_over=False)
         self.frame = 0
         self.sequence = 0
-        self.position: Position | None = (0.0, 0.0, 1.0)
+        self.position: Position | None = (0.0, 0.0, 0.6)
         self.yaw_rad: float | None = None
         """Without it the vehicle is brought down open loop."""
         self.epoch = 7

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import z3
 
 from rcopterx.bus.message import LONGEST_PERIOD_S
-from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.limits import LONGEST_DESCENT_S, ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, State
 from rcopterx.transmitter_gateway.output_limiter import FADE_PER_S
 from rcopterx.transmitter_gateway.transitions import Condition, Transition
 
 LIMITS = ArbiterLimits()
-DESCENT_S = LIMITS.cut_after_s - LIMITS.descend_after_s
+DESCENT_S = LONGEST_DESCENT_S
 BRIDGED_S = LIMITS.bridge_s + LONGEST_PERIOD_S
 FADED_S = DESCENT_S + 1.0 / FADE_PER_S
 ON_THE_WAY_DOWN = {State.LAND, State.DESCEND}

@@ -144,7 +144,7 @@ def test_neighbour_too_close_holds_and_after_half_a_second_descends() -> None:
     bench = flying()
     start_s = bench.now_s
     while bench.state is not State.DESCEND:
-        bench.pose("h2", (0.2, 0.0, 1.0))
+        bench.pose("h2", (0.2, 0.0, 0.6))
         bench.run(PERIOD_S)
         assert bench.now_s - start_s < 1.0
     assert bench.reason == "hold lasted too long"
@@ -153,12 +153,12 @@ def test_neighbour_too_close_holds_and_after_half_a_second_descends() -> None:
 
 def test_neighbour_that_leaves_gives_control_back() -> None:
     bench = flying()
-    bench.pose("h2", (0.2, 0.0, 1.0))
+    bench.pose("h2", (0.2, 0.0, 0.6))
     bench.run(0.1)
     assert (bench.state, bench.reason) == (State.HOLD, "raw poses: h2 closer than 0.3 m")
-    bench.pose("h2", (0.4, 0.0, 1.0))
+    bench.pose("h2", (0.4, 0.0, 0.6))
     bench.frame += 1
-    bench.pose("h2", (0.4, 0.0, 1.0))
+    bench.pose("h2", (0.4, 0.0, 0.6))
     assert bench.run(0.04).state is State.ARMED
 
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench
 
-from rcopterx.radios.limits import ArbiterLimits, SurveillanceLimits
+from rcopterx.radios.limits import LONGEST_DESCENT_S, ArbiterLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Action, Answer, Input, LinkState, PoseInput, Position, State
 
 TICK_S = 1 / 1024
@@ -27,10 +27,11 @@ PLAN = tuple((0.0, 0.0, 0.5, 0.0) for _ in range(12))
 
 
 class Clockwork(Bench):
-    """A bench without link at first, whose time begins at 0."""
+    """A bench without link at first, whose time begins at 0; poses are at a height."""
 
-    def __init__(self, limits: ArbiterLimits = LIMITS) -> None:
+    def __init__(self, limits: ArbiterLimits = LIMITS, height_m: float = 0.5) -> None:
         super().__init__(limits, start_s=0.0)
+        self.height_m = height_m
         self.arbiter.link(LinkState.LOST)
         self.epoch = 1
 
@@ -38,8 +39,9 @@ class Clockwork(Bench):
         super().wait(seconds)
         return self.state
 
-    def pose(self, position: Position | None = (0.0, 0.0, 1.0), vehicle: str = "h1") -> None:
+    def pose(self, position: Position | None = None, vehicle: str = "h1") -> None:
         self.frame += 1
+        position = position or (0.0, 0.0, self.height_m)
         pose = PoseInput(vehicle, self.epoch, self.frame, position, PERIOD_S)
         self.arbiter.pose(pose, self.now_s)
 
@@ -134,14 +136,24 @@ def test_descent_ends_exactly_at_its_limit() -> None:
     assert clock.wait(TICK_S) is State.CUT
 
 
+@pytest.mark.parametrize("height_m", [1.0, 2.0, 9.0])
+def test_a_descent_from_a_height_lasts_until_the_floor_and_ends_by_time(height_m: float) -> None:
+    clock = Clockwork(height_m=height_m).fly()
+    clock.request(Action.SHUTDOWN)
+    descent_s = LIMITS.descent_s(height_m)
+    assert LIMITS.cut_after_s < descent_s <= LONGEST_DESCENT_S
+    assert clock.wait(descent_s - TICK_S) is State.DESCEND
+    assert clock.wait(2 * TICK_S) is State.CUT
+
+
 def test_hold_ends_exactly_at_its_limit() -> None:
     clock = flying()
-    clock.pose((0.2, 0.0, 1.0), "h2")
+    clock.pose((0.2, 0.0, 0.5), "h2")
     clock.arbiter.step(clock.now_s)
     assert clock.state is State.HOLD
     for _ in range(31):
         clock.run(1)
-        clock.pose((0.2, 0.0, 1.0), "h2")
+        clock.pose((0.2, 0.0, 0.5), "h2")
     assert clock.wait(PERIOD_S - TICK_S) is State.HOLD
     assert clock.arbiter.next_event_s() == clock.now_s + TICK_S
     assert clock.wait(TICK_S) is State.DESCEND
@@ -163,7 +175,7 @@ def test_vehicle_counts_as_landed_exactly_after_half_a_second_of_low_thrust() ->
         clock.run(1, (0, 0, 0.05, 0))
     clock.run(31, (0, 0, 0.05, 0))
     clock.wait(PERIOD_S - TICK_S)
-    clock.pose((0.2, 0.0, 1.0), "h2")
+    clock.pose((0.2, 0.0, 0.5), "h2")
     clock.command((0, 0, 0.05, 0))
     assert clock.state is State.HOLD
     assert clock.wait(TICK_S) is State.ARMED
@@ -198,7 +210,7 @@ def test_a_moment_of_low_thrust_in_flight_does_not_suspend_the_surveillance() ->
     while clock.arbiter.step(clock.now_s).u[2] > LIMITS.low_thrust:
         clock.run(1, IDLE)
     clock.run(4, IDLE)
-    clock.pose((0.2, 0.0, 1.0), "h2")
+    clock.pose((0.2, 0.0, 0.5), "h2")
     clock.arbiter.step(clock.now_s)
     assert clock.state is State.HOLD
 

@@ -110,7 +110,7 @@ def test_arming_needs_a_tracked_vehicle() -> None:
 def test_arming_beside_another_vehicle_is_refused() -> None:
     bench = Bench()
     bench.run(0.6, IDLE)
-    bench.pose("h2", (0.2, 0.0, 1.0))
+    bench.pose("h2", (0.2, 0.0, 0.6))
     assert bench.request(Action.ARM).reason == "surveillance: hold: h2 closer than 0.3 m"
 
 

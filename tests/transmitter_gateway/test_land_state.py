@@ -41,7 +41,7 @@ def test_hold_of_a_vehicle_that_is_seen_holds_its_place() -> None:
     bench = seen_flying()
     silent(bench, 0.1)
     assert bench.state is State.HOLD
-    bench.position = (0.05, 0.0, 0.95)
+    bench.position = (0.05, 0.0, 0.55)
     bench.run(0.04, None)
     pitch, roll, thrust, _ = bench.outputs[-1].u
     assert math.hypot(pitch, roll) > 0.01
@@ -60,11 +60,11 @@ def test_vehicle_moves_away_from_others_that_are_too_close_and_nowhere_between_t
     bench = Bench()
     bench.yaw_rad = 0.0
     bench.fly()
-    bench.pose("h2", (0.2, 0.0, 1.0))
+    bench.pose("h2", (0.2, 0.0, 0.6))
     bench.run(0.1)
     assert bench.state is State.HOLD
     assert bench.outputs[-1].u[0] < -0.1
-    bench.pose("h3", (-0.2, 0.0, 1.0))
+    bench.pose("h3", (-0.2, 0.0, 0.6))
     bench.run(0.1)
     assert bench.outputs[-1].u[0] == pytest.approx(0.0, abs=0.01)
 
@@ -248,7 +248,7 @@ def fenced(maximum_jump_m: float | None = None) -> Bench:
 
 def test_vehicle_outside_the_fence_lands_and_is_not_given_back_there() -> None:
     bench = fenced()
-    bench.position = (0.65, 0.0, 1.0)
+    bench.position = (0.65, 0.0, 0.6)
     bench.run(1.0)
     assert (bench.state, bench.reason) == (State.LAND, "raw poses: outside the fence in x")
 
@@ -257,7 +257,7 @@ def runaway(x_m: float) -> Bench:
     """A vehicle that drifts out of its volume, whatever its commands, up to a place."""
     bench = fenced()
     for n in range(1, 101):
-        bench.position = (x_m * n / 100, 0.0, 1.0)
+        bench.position = (x_m * n / 100, 0.0, 0.6)
         bench.run(0.02)
     return bench
 
@@ -273,14 +273,14 @@ def test_vehicle_that_does_not_obey_is_cut_far_outside_the_fence(x_m: float, sta
 def test_vehicle_that_obeys_is_braked_wherever_it_is() -> None:
     bench = fenced()
     for n in range(30):
-        bench.position = (1.6 + 0.01 * n, 0.0, 1.0)
+        bench.position = (1.6 + 0.01 * n, 0.0, 0.6)
         bench.run(0.02)
     assert bench.state is State.LAND
 
 
 def test_vehicle_that_is_not_believed_is_not_cut_for_where_it_seems_to_be() -> None:
     bench = fenced(maximum_jump_m=0.1)
-    bench.position = (5.0, 0.0, 1.0)
+    bench.position = (5.0, 0.0, 0.6)
     bench.run(0.5)
     assert bench.state is State.DESCEND
 

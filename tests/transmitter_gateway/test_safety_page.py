@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
+from rcopterx.radios.limits import LONGEST_DESCENT_S, ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.landing import HURRY
 from rcopterx.transmitter_gateway.output_limiter import FADE_PER_S
@@ -78,7 +78,8 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"not seen | {limits.descend_after_s * 1e3:.0f} ms",
         f"CUT | commands older than {limits.cut_after_s:.1f} s",
         f"at most {limits.hold_limit_s} s, then LAND or DESCEND",
-        f"at most {limits.cut_after_s - limits.descend_after_s:.1f} s, then CUT;",
+        f"at most {limits.descent_s(0.65):.1f} s, longer from more than 0.65 m",
+        f"at most {LONGEST_DESCENT_S} s; then CUT;",
         f"the thrust falls by {FADE_PER_S}/s instead",
         f"at {landing.descent_m_s} m/s, from {landing.flare_m} m on at {landing.touchdown_m_s} m/s",
         f"raw poses are judged | within {TURN_S * 1e3:.0f} ms; while commands fly all vehicles",

@@ -24,7 +24,7 @@ LAST_FLYING = LastApplied(
 NOW_S = 10.0
 
 
-def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -> Arbiter:
+def restarted(height_m: float | None = 0.6, link: LinkState = LinkState.READY) -> Arbiter:
     arbiter = Arbiter("h1", ArbiterLimits(), U_HOVER, SLEW)
     arbiter.link(link)
     if height_m is not None:

@@ -258,6 +258,6 @@ def test_poses_of_others_are_not_acted_on_before_the_own_turn(bench: Bench) -> N
     bench.fly()
     for _ in range(3):
         bench.sequence += 1
-        bench.transmitter.on_pose(PoseInput("h2", 1, bench.sequence, (0.1, 0, 1), 0.02), bench.now_s)
+        bench.transmitter.on_pose(PoseInput("h2", 1, bench.sequence, (0.1, 0, 0.6), 0.02), bench.now_s)
     bench.run(0.05)
     assert bench.state is State.HOLD

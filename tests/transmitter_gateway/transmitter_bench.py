@@ -77,7 +77,7 @@ class Bench:
 
     def command(self, u: tuple[float, ...] = HOVER) -> Answer:
         self.sequence += 1
-        pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 1.0), 0.02)
+        pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 0.6), 0.02)
         self.transmitter.on_pose(pose, self.now_s)
         self._tick()
         answer = self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
