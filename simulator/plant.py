@@ -59,7 +59,7 @@ STILL: Final = Wake()
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
     """Faults of a vehicle: gains (-1 reversed), pitch and roll `exchanged`, `stuck` sticks, thrust left, trim
-    and delay of sticks."""
+    and delay of sticks, gain of an attitude loop."""
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
     exchanged: bool = False
@@ -67,6 +67,7 @@ class PlantFaults:
     thrust_factor: float = 1.0
     trim: Four = CALM
     delay_s: float = 0.0
+    attitude_gain: float = 1.0
 
 
 class Plant(ABC):
@@ -102,6 +103,7 @@ class Plant(ABC):
         self._hover_seconds_used = 0.0
         self.wake = STILL
         self.faults = PlantFaults()
+        self.keeps_attitude = False  # whether a firmware does, with a gain that faults may change
         self.place(start)
 
     def place(self, pose: BodyPose) -> None:
