@@ -245,12 +245,6 @@ def _lands(name: str, title: str, limits: PromisedLimits, *faults: Injector | Fa
     return _row(name, title, *faults, promise=Promise.LANDS, down=("h2",), limits=limits)
 
 
-ATTITUDES: Final = (
-    ("weak", "half of its torque", 0.5, 0.0),
-    ("strong", "one and a half of its torque", 1.5, 0.0),
-    ("damaged", "0.8 of its torque, and its level is off by a sixth of the full tilt", 0.8, 0.17),
-)
-"""Propellers, gains or sensors of vehicles whose firmware keeps the attitude; others do not have these."""
 VEHICLE_ROWS: Final = (
     _row(
         "vehicle-dead",
@@ -297,13 +291,16 @@ VEHICLE_ROWS: Final = (
         limits=PromisedLimits(deviation_mm=250.0),
     ),
     *(
-        FaultFlight(
+        _survived(
             f"vehicle-attitude-{name}",
             f"The attitude loop of h2 has {what} for 5 s",
-            (LaboratoryFault(BreakVehicle("h2", attitude_gain=gain, trim=(0, roll, 0, 0), duration_s=5.0)),),
-            limits=PromisedLimits(deviation_mm=250.0),
+            LaboratoryFault(BreakVehicle("h2", attitude_gain=gain, trim=(0, roll, 0, 0), duration_s=5.0)),
         )
-        for name, what, gain, roll in ATTITUDES
+        for name, what, gain, roll in (  # propellers, gains or sensors of a firmware that keeps the attitude
+            ("weak", "half of its torque", 0.5, 0.0),
+            ("strong", "one and a half of its torque", 1.5, 0.0),
+            ("damaged", "0.8 of its torque, and its level is off by a sixth of the full tilt", 0.8, 0.17),
+        )
     ),
 )
 
