@@ -76,7 +76,6 @@ class FirstOrderPlant(SteppedPlant):
         self._tilt_limit_rad = tilt_limit_rad(self.model) if model.airframe == "attitude" else 0.0
         self._loop = None if self.model.tilt is None else AttitudeLoop(self.model.tilt)
         super().__init__(name, model, conditions, seed, start)
-        self.keeps_attitude = self._loop is not None
 
     @property
     def motion(self) -> tuple[float, ...]:

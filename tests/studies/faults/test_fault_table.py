@@ -123,6 +123,7 @@ def test_vehicles_come_down_exactly_where_that_is_promised(row: FaultFlight) -> 
     ("path", "refused"),
     [
         (fleet_path(DEFAULT_FLEET), {f"vehicle-attitude-{name}" for name in ("weak", "strong", "damaged")}),
+        (fleet_path("crazyflies"), {"vehicle-drifts"}),
         (TYPES_FILE.with_name("three_ardupilots.toml"), {"vehicle-drifts"}),
         (TYPES_FILE.with_name("three_betaflights.toml"), {"vehicle-drifts"}),
         (TYPES_FILE.with_name("three_crazyflies.toml"), {"vehicle-drifts"}),
