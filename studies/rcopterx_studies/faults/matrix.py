@@ -131,7 +131,7 @@ def _figures(reports: list[Report]) -> str:
         return "not flown"
     *_, off_mm, _, touchdown_m_s = cells(report := worst_of(reports))
     figures = [f"{off_mm} mm"] * bool(off_mm) + [f"{touchdown_m_s} m/s"] * bool(touchdown_m_s)
-    return ("**failed** " if report["verdict"] == "failed" else "") + ", ".join(figures)
+    return " ".join(["**failed**"] * (report["verdict"] == "failed") + [", ".join(figures)]).rstrip()
 
 
 def main(*arguments: str) -> None:
