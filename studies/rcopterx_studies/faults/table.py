@@ -291,10 +291,10 @@ VEHICLE_ROWS: Final = (
         limits=PromisedLimits(deviation_mm=250.0),
     ),
     *(
-        _survived(
+        _row(
             f"vehicle-attitude-{name}",
             f"The attitude loop of h2 has {what} for 5 s",
-            LaboratoryFault(BreakVehicle("h2", attitude_gain=gain, trim=(0, roll, 0, 0), duration_s=5.0)),
+            BreakVehicle("h2", attitude_gain=gain, trim=(0, roll, 0, 0), duration_s=5.0),
         )
         for name, what, gain, roll in (  # propellers, gains or sensors of a firmware that keeps the attitude
             ("weak", "half of its torque", 0.5, 0.0),
