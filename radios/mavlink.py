@@ -194,14 +194,14 @@ class MavlinkProtocol(SetPointRadio):
                 if packet.target_system not in (0, self.settings.own_system):
                     return
                 self._state.take_answer(packet, arming=self._armed, now_s=now_s)
-                complaint = self._state.complaint
-                self.remark = f"; refused: {complaint}" if complaint else ""
             elif packet.get_type() == "PARAM_VALUE":
                 self._parameters.take(packet)
             else:
                 self._state.take(packet, now_s)
                 if packet.get_type() == "SYS_STATUS":
                     self._report_voltage(self._state.voltage_v, now_s)
+            complaint = self._state.complaint
+            self.remark = f"; refused: {complaint}" if complaint else ""
         except FrameDecodeError as error:
             self.counters[str(error)] += 1
 

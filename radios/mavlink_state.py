@@ -77,7 +77,8 @@ class AutopilotState:
 
     `armed` and `obeys`: whether it is armed, and whether its mode obeys set points; None before the first
     heartbeat. `attitude_rad` and `voltage_v`: roll to the right, pitch nose up, heading clockwise from above;
-    battery. None before the first one. `complaint`: why the last command was refused; empty if it was not.
+    battery. None before the first one. `complaint`: why the last command was refused; empty if it was not, or
+    long ago.
     `refused_since_s`: since when it refuses to disarm, infinite if it does not.
     """
 
@@ -104,6 +105,7 @@ class AutopilotState:
 
     def take(self, message: Any, now_s: float) -> None:
         """Keep a report of the autopilot; raises `FrameDecodeError` for a number that is not finite."""
+        self.complaint = self.complaint if now_s <= self._refused_s + REPEATED_S else ""
         match message.get_type():
             case "HEARTBEAT":
                 self._autopilot, self._heartbeat_s = message.autopilot, now_s

@@ -305,8 +305,8 @@ class EmulatedAutopilot(UdpVehicle):
 
     @property
     def _located(self) -> bool:
-        """Whether it has a position, by poses on its link or otherwise, which is not emulated."""
-        if not self._settings.external_pose:
+        """Whether it has a position: by poses once any arrived, before by a link that is not emulated."""
+        if not self._settings.external_pose and self._posed_s == -math.inf:
             return self._ardupilot or bool(self._settings.pose_port)
         return self._advanced_s <= self._posed_s + POSITION_S[self._obeying.autopilot]
 

@@ -206,6 +206,8 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     stuck: StickName | None = None  # stick that stays where it is
     cyclic_factor: Annotated[float, Meta(ge=0, le=10)] = 1.0
     """Effect of the pitch and roll sticks, relative to that of the sound vehicle."""
+    attitude_gain: Annotated[float, Meta(ge=0, le=2)] = 1.0
+    """Torque that the attitude loop of its firmware obtains, relative to that of the sound vehicle."""
     delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0  # by how much later the sticks act
     trim: tuple[Stick, Stick, Stick, Stick] = (0.0, 0.0, 0.0, 0.0)
     """Offsets of the sticks: pitch, roll, thrust, yaw."""

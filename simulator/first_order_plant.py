@@ -40,14 +40,14 @@ class AttitudeLoop:
         """Come to rest at these sticks."""
         self._servo, self._angle, self._rate = list(sticks[:2]), list(sticks[:2]), [0.0, 0.0]
 
-    def step(self, sticks: Four, step_s: float) -> tuple[float, float]:
-        """Advance by one step of the plant, a small part of an oscillation; return both angles."""
+    def step(self, sticks: Four, step_s: float, gain: float) -> tuple[float, float]:
+        """Advance by one step of the plant, with a share of the sound torque; return both angles."""
         tilt, decay = self._tilt, math.exp(-step_s / self._tilt.servo_lag_s)
         for axis in (0, 1):
             self._servo[axis] = sticks[axis] + (self._servo[axis] - sticks[axis]) * decay
             pull = tilt.frequency_rad_s**2 * (self._servo[axis] - self._angle[axis])
             damping = 2 * tilt.damping_ratio * tilt.frequency_rad_s * self._rate[axis]
-            self._rate[axis] += step_s * (pull - damping)
+            self._rate[axis] += step_s * gain * (pull - damping)
             self._angle[axis] += step_s * self._rate[axis]
         return self._angle[0], self._angle[1]
 
@@ -116,7 +116,7 @@ class FirstOrderPlant(SteppedPlant):
         """Actuators half a step later and a step later; pitch and roll of the attitude loop, if any."""
         middle, end = self._lagged(0.5 * step_s), self._lagged(step_s)
         if self._loop is not None:
-            pitch, roll = self._loop.step(self._target, step_s)
+            pitch, roll = self._loop.step(self._target, step_s, self.faults.attitude_gain)
             before = self._actuator
             middle = 0.5 * (before[0] + pitch), 0.5 * (before[1] + roll), *middle[2:]
             end = pitch, roll, *end[2:]

@@ -59,7 +59,7 @@ STILL: Final = Wake()
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
     """Faults of a vehicle: gains (-1 reversed), pitch and roll `exchanged`, `stuck` sticks, thrust left, trim
-    and delay of sticks."""
+    and delay of sticks, gain of an attitude loop."""
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
     exchanged: bool = False
@@ -67,6 +67,7 @@ class PlantFaults:
     thrust_factor: float = 1.0
     trim: Four = CALM
     delay_s: float = 0.0
+    attitude_gain: float = 1.0
 
 
 class Plant(ABC):
@@ -74,8 +75,9 @@ class Plant(ABC):
     dynamics.
 
     Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
-    before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
-    any time: `wake`, and `faults`, of which those of the sticks act from the next input on.
+    before), `motors_running`, `left_volume` (since the start or the last `place`), `keeps_attitude` (a
+    firmware does), and two that may be set at any time: `wake`, and `faults`, of which those of the sticks
+    act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -102,6 +104,7 @@ class Plant(ABC):
         self._hover_seconds_used = 0.0
         self.wake = STILL
         self.faults = PlantFaults()
+        self.keeps_attitude = model.airframe == "attitude"
         self.place(start)
 
     def place(self, pose: BodyPose) -> None:

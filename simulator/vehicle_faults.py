@@ -36,8 +36,10 @@ class VehicleFaults:
                 raise FaultError(f"{kind}: no vehicle {fault.vehicle!r}, there are {known}")
             if isinstance(fault, BreakRadio):
                 refusal = condition_refused(self._radios[fault.vehicle], fault.condition)
-                if refusal is not None:
-                    raise FaultError(f"{kind}: {fault.vehicle}: {refusal}")
+            else:
+                refusal = _tilt_refused(fault, self._plants[fault.vehicle].keeps_attitude)
+            if refusal is not None:
+                raise FaultError(f"{kind}: {fault.vehicle}: {refusal}")
 
     def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
         """Add the lines for vehicles, which have been checked."""
@@ -70,6 +72,7 @@ class VehicleFaults:
             thrust_factor=fault.thrust_factor,
             trim=fault.trim,
             delay_s=fault.delay_s,
+            attitude_gain=fault.attitude_gain,
         )
 
     def _repair(self, faults: Iterable[BreakRadio | BreakVehicle], now_s: float) -> None:
@@ -78,3 +81,10 @@ class VehicleFaults:
                 set_condition(self._radios[fault.vehicle], "ready", now_s)
             else:
                 self._plants[fault.vehicle].faults = PlantFaults()
+
+
+def _tilt_refused(fault: BreakVehicle, keeps_attitude: bool) -> str | None:
+    """Why a vehicle cannot have a fault of its tilt: that is the one of a swash plate, or of a firmware."""
+    if keeps_attitude and fault.cyclic_factor != 1.0:
+        return "its firmware keeps the attitude, and no swash plate acts more strongly"
+    return None if keeps_attitude or fault.attitude_gain == 1.0 else "it has no attitude loop"

@@ -98,7 +98,8 @@ def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_
 @pytest.mark.timeout(5400)
 def test_every_promise_of_the_table_is_kept(path: Path, tmp_path: Path, environment: dict[str, str]) -> None:
     done = run_up(path, environment, "faults", "--report", str(tmp_path / "out"))
-    assert_promises_kept(tuple(FAULT_FLIGHTS), tmp_path / "out", done)
+    of_helicopters = tuple(name for name in FAULT_FLIGHTS if not name.startswith("vehicle-attitude-"))
+    assert_promises_kept(of_helicopters, tmp_path / "out", done)
 
 
 @pytest.mark.campaign

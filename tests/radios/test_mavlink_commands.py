@@ -23,7 +23,7 @@ from mavlink_peer import (
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, set_point_of
-from rcopterx.radios.mavlink_state import SETTLING_S, TEXT_S
+from rcopterx.radios.mavlink_state import REPEATED_S, SETTLING_S, TEXT_S
 from rcopterx.radios.protocol import FrameFlags
 from rcopterx.radios.set_points import AttitudeSetPoint
 
@@ -236,3 +236,21 @@ def test_tabs_and_other_control_characters_of_a_text_are_spaces() -> None:
     warning(peer, b"Arming denied:\tResolve\x07 failures\t")
     peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
     assert peer.text.endswith(": Arming denied: Resolve failures")
+
+
+def test_a_refusal_that_is_not_repeated_is_forgotten_and_explains_no_later_one() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(IDLE)
+    warning(peer, b"Arming denied: throttle is high")
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    peer.frame(LOW)
+    assert peer.text.endswith("; refused: Arming denied: throttle is high")
+    peer.now_s += REPEATED_S + 0.5
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.attitude(0.0)
+    peer.summary(health=mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+    assert "refused" not in peer.text
+    assert peer.ready
+    peer.commands(HOVER, 3)
+    assert peer.text == "the autopilot did not arm: no answer"

@@ -12,7 +12,7 @@ from support.vehicle_types import QUADROTOR
 
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.first_order_plant import FirstOrderPlant, thrust_acceleration, tilt_limit_rad
-from rcopterx.simulator.plant import BodyPose
+from rcopterx.simulator.plant import BodyPose, PlantFaults
 
 TILT_LIMIT_RAD = math.atan(6.46 / 9.81)
 
@@ -33,14 +33,20 @@ def test_near_hover_the_quadrotor_accelerates_as_its_linear_model(stick: float) 
     assert forward == pytest.approx(QUADROTOR.input_gain[0] * stick, rel=0.15, abs=1e-12)
 
 
-def test_the_tilt_of_a_quadrotor_follows_its_stick_as_its_model_says() -> None:
+@pytest.mark.parametrize("torque", [1.0, 0.5, 1.5])
+def test_the_tilt_of_a_quadrotor_follows_its_stick_as_its_model_and_the_torque_of_its_loop_say(
+    torque: float,
+) -> None:
     tilt = QUADROTOR.tilt
     assert tilt is not None
     calm = replace(IDEAL, actuator_lag=True, transport_delay_s=0.0)
     plant = FirstOrderPlant("q1", QUADROTOR, calm, 0, BodyPose((0.0, 0.0, 1.0)))
+    plant.faults = PlantFaults(attitude_gain=torque)
     plant.set_input((0.5, 0.0, float(QUADROTOR.hover_input[2]), 0.0))
     w, z, lag_s, step_s = tilt.frequency_rad_s, tilt.damping_ratio, tilt.servo_lag_s, 0.02
-    continuous = np.array([[0.0, 1.0, 0.0], [-(w**2), -2 * z * w, w**2], [0.0, 0.0, -1 / lag_s]])
+    continuous = np.array(
+        [[0.0, 1.0, 0.0], torque * np.array([-(w**2), -2 * z * w, w**2]), [0.0, 0.0, -1 / lag_s]]
+    )
     after = scipy.linalg.expm(
         step_s * np.block([[continuous, np.array([[0.0], [0.0], [1 / lag_s]])], [np.zeros(4)]])
     )

@@ -1,14 +1,17 @@
 """Vehicles of the simulated laboratory break and mend when a request or its time table says so."""
 
+from contextlib import nullcontext
+
 import pytest
 from msgspec import structs
-from support.vehicle_types import COAXIAL
+from support.vehicle_types import COAXIAL, QUADROTOR
 
-from rcopterx.simulator.conditions import IDEAL
+from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose, Plant, PlantFaults
 from rcopterx.simulator.vehicle_faults import VehicleFaults
+from rcopterx.vehicles.model import Model
 
 SOUND = PlantFaults()
 
@@ -27,6 +30,7 @@ def plants() -> dict[str, Plant]:
         (BreakVehicle("h1", dead="roll"), PlantFaults(stick_gain=(1.0, 0.0, 1.0, 1.0))),
         (BreakVehicle("h1", reversed="yaw"), PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0))),
         (BreakVehicle("h1", cyclic_factor=5.0), PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0))),
+        (BreakVehicle("h1", attitude_gain=0.5), PlantFaults(attitude_gain=0.5)),
         (BreakVehicle("h1", delay_s=0.1), PlantFaults(delay_s=0.1)),
         (BreakVehicle("h1", exchanged=True), PlantFaults(exchanged=True)),
         (BreakVehicle("h1", stuck="roll"), PlantFaults(stuck=frozenset({1}))),
@@ -60,6 +64,25 @@ def test_a_fault_of_an_unknown_vehicle_is_refused(plants: dict[str, Plant]) -> N
     faults.check([TimedFault(0.0, Close())])
     with pytest.raises(FaultError, match="no vehicle 'h9', there are h1, h2"):
         faults.check([TimedFault(0.0, BreakVehicle("h9"))])
+
+
+@pytest.mark.parametrize(
+    ("model", "refused", "reason"),
+    [
+        (QUADROTOR, BreakVehicle("h1", cyclic_factor=8.0), "its firmware keeps the attitude"),
+        (COAXIAL, BreakVehicle("h1", attitude_gain=0.5), "it has no attitude loop"),
+    ],
+)
+def test_faults_of_a_swash_plate_and_of_an_attitude_loop_are_refused_for_vehicles_without_one(
+    model: Model, refused: BreakVehicle, reason: str
+) -> None:
+    faults = VehicleFaults(
+        Laboratory({"h1": model}, {"h1": BodyPose((0.0, 0.0, 1.0))}, HELICOPTER).plants, {}
+    )
+    both = BreakVehicle("h1", cyclic_factor=8.0), BreakVehicle("h1", attitude_gain=0.5)
+    for fault in both:
+        with pytest.raises(FaultError, match=f"h1: {reason}") if fault == refused else nullcontext():
+            faults.check([TimedFault(0.0, fault)])
 
 
 def test_exchanged_sticks_pitch_by_roll_and_roll_by_pitch(plants: dict[str, Plant]) -> None:

@@ -2,11 +2,7 @@
 
     python -m rcopterx_studies.faults.matrix DIRECTORY docs/safety.md
 
-writes the matrix of a report directory between the marks of the page, and
-
-    python -m rcopterx_studies.faults.matrix px4=DIRECTORY ardupilots=DIRECTORY ... docs/safety.md
-
-the shorter one of types of vehicles, a column for each.
+writes the matrix of a report directory into the page, and px4=DIRECTORY ... that of types, a column for each.
 """
 
 import json
@@ -120,20 +116,22 @@ def _runs(report: Report) -> str:
 
 def markdown_of_types(types: Mapping[str, Mapping[str, Report]]) -> str:
     """Return the matrix of types: figures of the rows that one of them has flown."""
-    rows = [row for row in FAULT_FLIGHTS if any(row in reports for reports in types.values())]
     lines = [_line(("fault", *types)), _line(["---"] * (1 + len(types)))]
-    for row in rows:
-        lines.append(_line((f"`{row}`", *(_figures(reports.get(row)) for reports in types.values()))))
+    for (name, _), rows in groupby(FAULT_FLIGHTS, lambda row: FAULT_FLIGHTS[row].on_page):
+        names = [*rows]
+        flown = [[reports[row] for row in names if row in reports] for reports in types.values()]
+        if any(flown):
+            lines.append(_line((f"`{name}`", *map(_figures, flown))))
     return "\n".join(lines) + "\n"
 
 
-def _figures(report: Report | None) -> str:
-    """Largest deviation of vehicles that fly on, and hardest touchdown."""
-    if report is None:
+def _figures(reports: list[Report]) -> str:
+    """Largest deviation of vehicles that fly on, and hardest touchdown, of all flights of a row."""
+    if not reports:
         return "not flown"
-    *_, off_mm, _, touchdown_m_s = cells(report)
+    *_, off_mm, _, touchdown_m_s = cells(report := worst_of(reports))
     figures = [f"{off_mm} mm"] * bool(off_mm) + [f"{touchdown_m_s} m/s"] * bool(touchdown_m_s)
-    return ("**failed** " if report["verdict"] == "failed" else "") + ", ".join(figures)
+    return " ".join(["**failed**"] * (report["verdict"] == "failed") + [", ".join(figures)]).rstrip()
 
 
 def main(*arguments: str) -> None:

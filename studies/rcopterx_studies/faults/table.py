@@ -290,6 +290,18 @@ VEHICLE_ROWS: Final = (
         BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0),
         limits=PromisedLimits(deviation_mm=250.0),
     ),
+    *(
+        _row(
+            f"vehicle-attitude-{name}",
+            f"The attitude loop of h2 has {what} for 5 s",
+            BreakVehicle("h2", attitude_gain=gain, trim=(0, roll, 0, 0), duration_s=5.0),
+        )
+        for name, what, gain, roll in (  # propellers, gains or sensors of a firmware that keeps the attitude
+            ("weak", "half of its torque", 0.5, 0.0),
+            ("strong", "one and a half of its torque", 1.5, 0.0),
+            ("damaged", "0.8 of its torque, and its level is off by a sixth of the full tilt", 0.8, 0.17),
+        )
+    ),
 )
 
 HOST_ROWS: Final = (

@@ -36,7 +36,7 @@ FULL_TILT_RAD: Final = math.radians(CrazyflieSettings().full_tilt_deg)
 FULL_YAW_RATE_RAD_S: Final = math.radians(CrazyflieSettings().full_yaw_rate_deg_s)
 FULL_THRUST_SHARE: Final = 4 * FULL_THRUST / 65535
 """Thrust command at full stick over the largest thrust of one of the four motors."""
-SIZES: Final = {"state": 16, "command": 4, "air": 4, "step_s": 1}  # arguments of a step
+SIZES: Final = {"state": 16, "command": 4, "gain": 1, "air": 4, "step_s": 1}  # arguments of a step
 MISSING_LIBRARY: Final = "the library drone-models is not installed: pip install 'rcopterx-studies[physics]'"
 
 
@@ -98,7 +98,7 @@ def _library() -> Any:
 
 
 class _Step:
-    """One step of the explicit midpoint rule: state, command, accelerations by the air, duration -> state.
+    """One step of the explicit midpoint rule: state, command, gain, accelerations by air, duration -> state.
 
     The state is that of `drone-models` with angles: position, roll, pitch, yaw, velocity, rates of the
     angles, and thrust, four times. The model is evaluated in the frame of the vehicle's heading: its yaw is 0
@@ -136,7 +136,7 @@ def _function(vehicle: IdentifiedCrazyflie) -> casadi.Function:
         **{name: symbolic.keywords[name] * factor for name, factor in vehicle.scales}
     )
     of_model = casadi.Function("of_model", [x, u], [derivative])
-    state, command, air, step_s = (casadi.MX.sym(name, size) for name, size in SIZES.items())
+    state, command, gain, air, step_s = (casadi.MX.sym(name, size) for name, size in SIZES.items())
 
     def rate(state: Any) -> Any:
         yaw = state[5]
@@ -144,11 +144,11 @@ def _function(vehicle: IdentifiedCrazyflie) -> casadi.Function:
         turn = casadi.vertcat(casadi.horzcat(cosine, -sine), casadi.horzcat(sine, cosine))
         in_heading = casadi.vertcat(state[:5], 0, turn.T @ state[6:8], state[8:])
         change = of_model(in_heading, casadi.vertcat(command[:2], command[2] - yaw, command[3]))
-        blown = casadi.vertcat(turn @ change[6:8], change[8:12]) + casadi.vertcat(air[:3], 0, 0, air[3])
-        return casadi.vertcat(state[6:12], blown, change[12:])
+        moved = casadi.vertcat(turn @ change[6:8], change[8], gain * change[9:11], change[11])
+        return casadi.vertcat(state[6:12], moved + casadi.vertcat(air[:3], 0, 0, air[3]), change[12:])
 
     after = state + step_s * rate(state + step_s / 2 * rate(state))
-    return casadi.Function("step", [state, command, air, step_s], [after]).expand()
+    return casadi.Function("step", [state, command, gain, air, step_s], [after]).expand()
 
 
 class CrazyfliePlant(SteppedPlant):
@@ -206,7 +206,7 @@ class CrazyfliePlant(SteppedPlant):
     def _advanced(self, step_s: float, air: Four) -> list[float]:
         pitch, roll, _, _ = self._target
         command = roll, pitch, self._heading_rad, self._commanded_n()
-        return self._step(self._state, command, air, (step_s,))
+        return self._step(self._state, command, (self.faults.attitude_gain,), air, (step_s,))
 
     def _stand(self, step_s: float) -> float:
         self._state[12:] = self._advanced(step_s, CALM)[12:]

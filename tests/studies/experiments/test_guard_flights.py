@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.vehicle_types import COAXIAL, COAXIAL_LAG
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION
 from rcopterx.control.references.path_shapes import figure_eight
-from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.simulator import laboratory
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS
-from rcopterx.simulator.faults import TimedFault
+from rcopterx.simulator.faults import BreakVehicle, Fault, TimedFault
 from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.vehicle_faults import VehicleFaults
@@ -77,13 +76,30 @@ def test_a_slow_lightly_damped_helicopter_beyond_the_declared_range_is_not_lost(
     assert np.linalg.norm(record.motion[record.time_s > 14.5, :3] - back, axis=1).max() < 0.2
 
 
-def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
-    row, file = FAULT_FLIGHTS["vehicle-drifts"], load_fleet(fleet_path("trio"))
-    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, LaboratoryFault)]
-    rig, _ = flown(COAXIAL, 0, 2.0)
+SWASH_PLATE = [
+    one.fault for one in FAULT_FLIGHTS["vehicle-drifts"].faults if isinstance(one, LaboratoryFault)
+]
+ATTITUDE_LOOP = [
+    BreakVehicle("h2", attitude_gain=0.28, delay_s=0.1, duration_s=5.0),
+    BreakVehicle("h2", trim=(0.0, 0.2, 0.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize(
+    ("model", "breaks", "seed", "earliest_s"),
+    [(COAXIAL, SWASH_PLATE, 0, 15), (CRAZYFLIE, ATTITUDE_LOOP, 2, 14)],
+    ids=["coaxial", "crazyflie"],
+)
+def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises(
+    model: Model, breaks: Sequence[Fault], seed: int, earliest_s: int
+) -> None:
+    row = FAULT_FLIGHTS["vehicle-drifts"]
+    rig, _ = flown(model, seed, 2.0)
     guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
     faults = VehicleFaults({"h2": plant}, {})
-    faults.schedule([TimedFault(0.0, oscillates), TimedFault(5.0, drifts)], 0.0)
+    table = [TimedFault(5.0 * number, fault) for number, fault in enumerate(breaks)]
+    faults.check(table)
+    faults.schedule(table, 0.0)
     lowest_at_s = landed_at_s = None
     for second in range(25):
         faults.advance(float(second))
@@ -95,7 +111,7 @@ def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_f
     assert lowest_at_s is not None
     assert landed_at_s is not None
     assert lowest_at_s < 5
-    assert landed_at_s >= 15
+    assert landed_at_s >= earliest_s
     assert guard.remark.startswith(REASON)
     assert guard.remark.endswith("m off its place with the lowest bandwidth")
     assert plant.on_floor

@@ -89,7 +89,11 @@ def test_the_matrix_takes_its_place_in_a_page(tmp_path: Path) -> None:
 def test_types_have_a_column_each_in_a_matrix_of_their_own(tmp_path: Path) -> None:
     landed = FLEW | {"h2": SeenFlight(100, 1000.0, 130.0, 0.41, 3000.0, ("armed", "land", "cut"))}
     down = report_of(FAULT_FLIGHTS["radio-cable"], landed, None, 5.0)
-    matrix.write_reports([flown("bus-loss"), down], tmp_path / "px4")
+    pairs = [name for name in FAULT_FLIGHTS if name.startswith("pair-killed-")]
+    worse = report_of(
+        FAULT_FLIGHTS[pairs[5]], FLEW | {"h2": replace(FLEW["h2"], deviation_mm=99.0)}, None, 5.0
+    )
+    matrix.write_reports([flown("bus-loss"), flown(pairs[2]), worse, down], tmp_path / "px4")
     matrix.write_reports([flown("bus-loss", "h1 on the floor")], tmp_path / "brushless")
     page = tmp_path / "page.md"
     page.write_text(f"before\n{matrix.TYPES_BEGIN}old\n{matrix.TYPES_END}\nafter\n")
@@ -97,6 +101,7 @@ def test_types_have_a_column_each_in_a_matrix_of_their_own(tmp_path: Path) -> No
     assert page.read_text().splitlines()[2:-2] == [
         "| fault | px4 | brushless |",
         "| --- | --- | --- |",
+        "| `pair-killed-*` | 99 mm | not flown |",
         "| `bus-loss` | 31 mm | **failed** 31 mm |",
         "| `radio-cable` | 20 mm, 0.41 m/s | not flown |",
     ]

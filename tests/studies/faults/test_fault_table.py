@@ -1,6 +1,7 @@
 """The table of fault flights is complete, and every row of it can be flown."""
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -8,13 +9,24 @@ from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.roles.simulator import conditions_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.acceptance.flight import DEFAULT_FLEET
-from rcopterx.simulator.faults import FreezePose, Occlude, TimedFault, injected_faults, timed_faults
+from rcopterx.simulator.faults import (
+    FaultError,
+    FreezePose,
+    Occlude,
+    TimedFault,
+    injected_faults,
+    timed_faults,
+)
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import BodyPose
+from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx_studies.faults.bench import FaultFlight
 from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
-from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
+from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS, VEHICLE_ROWS
 from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, SIGNS, moments_of
 from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
@@ -105,3 +117,33 @@ def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> No
 def test_vehicles_come_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
     assert set(row.down) <= set(FLEET.vehicles)
     assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED, Promise.STAYS_DOWN))
+
+
+@pytest.mark.parametrize(
+    ("path", "refused"),
+    [
+        (fleet_path(DEFAULT_FLEET), {f"vehicle-attitude-{name}" for name in ("weak", "strong", "damaged")}),
+        (fleet_path("crazyflies"), {"vehicle-drifts"}),
+        (TYPES_FILE.with_name("three_ardupilots.toml"), {"vehicle-drifts"}),
+        (TYPES_FILE.with_name("three_betaflights.toml"), {"vehicle-drifts"}),
+        (TYPES_FILE.with_name("three_crazyflies.toml"), {"vehicle-drifts"}),
+    ],
+    ids=lambda value: getattr(value, "stem", ""),
+)
+def test_faults_of_a_swash_plate_and_of_attitude_loops_are_for_vehicles_that_have_them(
+    path: Path, refused: set[str]
+) -> None:
+    fleet = load_fleet(path)
+    models = {name: model_of(fleet, name) for name in fleet.vehicles}
+    starts = {name: BodyPose((0.0, 0.0, 1.0)) for name in models}
+    vehicles = VehicleFaults(Laboratory(models, starts, conditions_of(fleet)).plants, {})
+    assert {row.name for row in VEHICLE_ROWS if not accepted(row, vehicles)} == refused
+
+
+def accepted(row: FaultFlight, vehicles: VehicleFaults) -> bool:
+    faults = [fault.fault for fault in row.faults if isinstance(fault, LaboratoryFault)]
+    try:
+        vehicles.check([TimedFault(0.0, fault) for fault in faults])
+    except FaultError:
+        return False
+    return True

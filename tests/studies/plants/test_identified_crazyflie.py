@@ -137,6 +137,17 @@ def test_battery_and_faults_use_its_thrust() -> None:
     assert climb_m_s(faults=PlantFaults(thrust_factor=0.9)) < -0.1
 
 
+def test_a_loop_with_half_of_its_torque_begins_to_tilt_half_as_fast() -> None:
+    tilts_rad = []
+    for gain in (1.0, 0.5):
+        plant = flying()
+        plant.faults = PlantFaults(attitude_gain=gain)
+        plant.set_input((0.3, 0.0, HOVER, 0.0))
+        plant.advance(0.02)
+        tilts_rad.append(plant.pose.pitch_rad)
+    assert tilts_rad[1] == pytest.approx(0.5 * tilts_rad[0], rel=0.1)
+
+
 def test_trim_offsets_its_sticks_and_markers_are_tilted() -> None:
     trim: Four = (0.02, 0.0, 0.0, 0.0)
     plant = flying(replace(DRONE, trim=trim, marker_tilt_rad=(0.05, -0.03)))
