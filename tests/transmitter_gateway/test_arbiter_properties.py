@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rcopterx.bus.message import SHORTEST_PERIOD_S
-from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
+from rcopterx.radios.limits import LONGEST_DESCENT_S, ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -293,7 +293,7 @@ class ArbiterMachine(RuleBasedStateMachine):
             assert age_s < LIMITS.hold_after_s
         in_state_s = self.now_s - self.entered_s
         if output.state is State.DESCEND:
-            assert in_state_s < LIMITS.cut_after_s - LIMITS.descend_after_s + ROUNDING_S
+            assert in_state_s < LONGEST_DESCENT_S + ROUNDING_S
         if output.state is State.HOLD:
             assert in_state_s < LIMITS.hold_limit_s + ROUNDING_S
 
