@@ -16,6 +16,7 @@ _RANGES: Final = {
     "trim_offset": (0.0, 1.0), "dropout_fraction": (0.0, 1.0), "turbulence_correlation_s": (1e-3, 1e3),
     "battery_endurance_s": (1.0, 1e6), "substep_s": (1e-5, 0.004), "downwash_m_s2": (0.0, 10.0),
     "gyro_hold_per_s": (0.0, 10.0), "gyro_drift_rad_s": (0.0, 10.0),
+    "lever_arm_m": (-0.2, 0.2),
 }  # fmt: skip
 """Lowest and highest value of fields of `Conditions`."""
 
@@ -82,6 +83,9 @@ class Conditions:
     """Whether emulated Crazyflies have motors that are armed on request and checked while they spin up."""
     dropout_fraction: float = 0.0
     """Fraction of the frames in which the Tracker misses a vehicle."""
+    lever_arm_m: float = 0.0
+    """Height of the origin of every subject above the centre of gravity, along the axis of the body. Measured
+    heights are those of a level vehicle all the same."""
     substep_s: float = 0.002
     """Longest integration step, at most 4 ms."""
 

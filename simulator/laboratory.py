@@ -148,7 +148,8 @@ class Laboratory:
         pose = self.plants[name].marker_pose
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
         noise = self._noise[name].standard_normal(6).tolist()
-        x, y, z = (place + position_m * each for place, each in zip(pose.position_m, noise[:3], strict=True))
+        origin_m = pose.above(self._conditions.lever_arm_m)
+        x, y, z = (place + position_m * each for place, each in zip(origin_m, noise[:3], strict=True))
         yaw, pitch, roll = (angle_rad * each for each in noise[3:])
         yaw_rad = math.remainder(pose.yaw_rad + yaw, math.tau)
         return BodyPose((x, y, z), yaw_rad, pose.pitch_rad + pitch, pose.roll_rad + roll)

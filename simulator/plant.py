@@ -43,6 +43,13 @@ class BodyPose(Struct, frozen=True):
             cr * cp * cy + sr * sp * sy,
         )
 
+    def above(self, height_m: float) -> Three:
+        """Position of a point of the body above its position, lowered by its height in a level body."""
+        i, j, k, s = self.quaternion_xyzw
+        axis = 2.0 * (i * k + s * j), 2.0 * (j * k - s * i), -2.0 * (i * i + j * j)
+        x, y, z = (place + height_m * along for place, along in zip(self.position_m, axis, strict=True))
+        return x, y, z
+
 
 @dataclass(frozen=True, slots=True)
 class Wake:

@@ -194,6 +194,8 @@ class Model:
     """Whether its filter uses roll and pitch of poses: the setting `measured_tilt` of estimators."""
     gust_density: float = CALM
     """Random-walk density of the velocity [m/s per root second]: gusts too short to be compensated."""
+    lever_arm_m: float = 0.0
+    """Height of the origin of its subject above the centre of gravity, negative below it."""
 
     def for_positions_only(self) -> "Model":
         """Return the same model where poses give no tilt."""
@@ -301,7 +303,7 @@ class Model:
 
 FITTED: Final = (
     "input_gain", "gravity_m_s2", "damping", "lag_s", "delay_s", "hover_thrust", "thrust_coupling", "tilt",
-    "uncertainty", "gust_density",
+    "uncertainty", "gust_density", "lever_arm_m",
 )  # fmt: skip
 """Parameters that an identification finds."""
 

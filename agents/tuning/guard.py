@@ -2,7 +2,8 @@
 
 A vehicle may differ from its model by more than the weights allow. The input weights of the loop that
 oscillates rise step by step until the oscillation ends. Each step is prepared like any other change. The
-weights stay until the vehicle is tuned. A vehicle that drifts with the largest weights lands.
+weights stay until the vehicle is tuned, or its filter has found a lever arm that it flew without. A vehicle
+that drifts with the largest weights lands.
 """
 
 import math
@@ -15,6 +16,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import EFFORT_FACTORS, Configuration
 from rcopterx.bus.messages import Diagnostics
 from rcopterx.bus.requests import Tune
+from rcopterx.control.estimators.extended_kalman import LEVER_ARM_FOUND
 from rcopterx.control.plugins import flying
 from rcopterx.vehicles.phases import Phase
 
@@ -49,6 +51,7 @@ class OscillationGuard:
         self._seen = ""  # oscillation at which the bandwidth was lowered last
         self._lands = ""  # why the vehicle lands
         self._drift_s = 0.0
+        self._lever_arms = 0  # how often the filter had found a lever arm
         self._events = pilot.events
 
     @property
@@ -73,6 +76,7 @@ class OscillationGuard:
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
+        self._raise_again()
         if flown_by_own:
             self._watch_drift(math.dist(estimate.motion[:3], output.reference[:3]), period_s)
         tilt = estimate.tilt.core if estimate.has_tilt else None
@@ -97,6 +101,15 @@ class OscillationGuard:
             self._events[DRIFTED] += 1
             self._lands = f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
             self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
+
+    def _raise_again(self) -> None:
+        """Return to the bandwidth before if the filter has found a lever arm that it flew without."""
+        if self._tuning.busy:
+            return
+        before, self._lever_arms = self._lever_arms, self._pilot.estimator.events.get(LEVER_ARM_FOUND, 0)
+        if self._lever_arms > before and max(self._tuning.configuration.effort_factors) > 1.0:
+            self._detector.forget()
+            self._tuning.begin(without_guard(self._tuning.configuration))
 
     def _lower(self) -> None:
         present = self._tuning.configuration

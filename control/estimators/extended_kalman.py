@@ -33,6 +33,9 @@ from rcopterx.vehicles.state import (
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
+LEVER_ARM_FOUND: Final = "lever_arm_found"  # once in a flight: one that differs from that of the model
+_LEVER_KNOWN_M: Final = 0.003  # standard deviation from which on the lever arm counts as found
+_LEVER_DIFFERS_M: Final = 0.01
 
 
 class HorizontalMotion:
@@ -48,6 +51,8 @@ class HorizontalMotion:
         self._from_positions = TiltFilter(model, without_tilt) if known else None
         self.filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
         self.trust = TiltTrust()
+        self._seeks_lever = True
+        self._lever_arm_m = model.lever_arm_m
         self.events: Counter[str] = Counter()  # how often a measured tilt was distrusted, and trusted again
 
     @property
@@ -73,6 +78,7 @@ class HorizontalMotion:
 
     def stand(self, pose: Array, tilt: Array | None) -> None:
         """Start at rest on the floor."""
+        self._seeks_lever = True
         self.trust.restart()
         for each, usable in self._measuring(tilt):
             each.stand(pose[:2], usable, float(pose[YAW]))
@@ -94,6 +100,13 @@ class HorizontalMotion:
         for each, usable in self._measuring(tilt):
             each.expect_noise(noise_m, self.trust.noise_deviation)
             each.correct(pose[:2], usable, yaw_rad)
+        if self._seeks_lever and self._from_tilt is not None:
+            self._find_lever(*self._from_tilt.lever_arm_m)
+
+    def _find_lever(self, length_m: float, deviation_m: float) -> None:
+        self._seeks_lever = deviation_m > _LEVER_KNOWN_M
+        if not self._seeks_lever and abs(length_m - self._lever_arm_m) > _LEVER_DIFFERS_M:
+            self.events[LEVER_ARM_FOUND] += 1
 
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct the estimate of a standing vehicle; arguments of `correct`."""
@@ -177,7 +190,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._set_tilt(measurement)
         predicted, selected = self.lag_filter.x[POSE].copy(), self.horizontal.selected
         if selected is not None:
-            predicted[:2] = selected.x[POSITION]
+            predicted[:2] = selected.x[POSITION] + selected.origin_m
         deviation = np.sqrt(self.lag_filter.P.diagonal()[POSE] + self._R)
         accepted, pose = self._accept(measurement, predicted, deviation)
         if pose is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, VECTOR, compiled
+from rcopterx.control.estimators.kalman import predict_covariance, update
 from rcopterx.control.estimators.process_noise import process_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.interfaces import Estimate, TiltEstimate
@@ -43,57 +44,6 @@ from rcopterx.vehicles.state import (
     heading_matrix,
     inertial_rates,
 )
-
-
-@compiled(MATRIX, MATRIX, MATRIX)
-def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
-    """Return F P F' + Q."""
-    size = len(P)
-    FP, predicted = np.zeros((size, size)), Q.copy()
-    for i in range(size):
-        for m in range(size):
-            # Most entries of a transition are zero.
-            if F[i, m] != 0.0:
-                for j in range(size):
-                    FP[i, j] += F[i, m] * P[m, j]
-    for i in range(size):
-        for j in range(i + 1):
-            for m in range(size):
-                predicted[i, j] += FP[i, m] * F[j, m]
-            predicted[j, i] = predicted[i, j]
-    return predicted
-
-
-@compiled(VECTOR, MATRIX, MATRIX, *3 * [VECTOR])
-def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> None:
-    """Update state and covariance by measurements z = H x + noise.
-
-    The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
-
-    `R` and `z`: variances of the noise, and measured values, shape (m,). `limit`: each state is cut to plus
-    and minus this, shape (n,). Raises `numpy.linalg.LinAlgError`: the covariance of the innovation is not
-    positive definite.
-    """
-    size = len(x)
-    PH = np.empty(size)
-    for row in range(len(H)):
-        S, innovation = R[row], z[row]
-        for i in range(size):
-            PH[i] = 0.0
-            for j in range(size):
-                PH[i] += P[i, j] * H[row, j]
-            S += H[row, i] * PH[i]
-            innovation -= H[row, i] * x[i]
-        if not S > 0.0:
-            raise np.linalg.LinAlgError("the covariance of the innovation is not positive definite")
-        for i in range(size):
-            x[i] += PH[i] / S * innovation
-            for j in range(i + 1):
-                P[i, j] -= PH[i] * PH[j] / S
-                P[j, i] = P[i, j]
-    for i in range(size):
-        x[i] = min(max(x[i], -limit[i]), limit[i])
-
 
 SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE  # motion, actuators, disturbances
 MOTION: Final = slice(0, MOTION_SIZE)
@@ -234,6 +184,7 @@ class LagFilter:
 TRIM_LIMIT: Final = 0.3
 OFFSET_LIMIT_RAD: Final = 0.2
 WIND_LIMIT_M_S2: Final = 1.5
+LEVER_LIMIT_M: Final = 0.2
 TILT_GATE: Final = 0.3  # a measured tilt further from the predicted one is rejected, as of mixed-up markers
 LEVEL_FLOOR_RAD: Final = 0.02  # of floor and gear from level: standing shows the offset of the body frame
 
@@ -258,24 +209,31 @@ def _predict_tilt(step: LateralStep, x: Array, P: Array, Q: Array, stick: Array,
 @compiled(VECTOR, MATRIX, MATRIX, VECTOR, ANY_VECTOR, VECTOR, NUMBER)
 def _correct_tilt(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array, yaw_rad: float) -> None:
     """Correct a `TiltFilter` by a position and a tilt, as far as it is measured and plausible."""
-    measured, offset = len(z), len(x) - 2
+    measured, offset, lever = len(z), len(x) - 3, len(x) - 1
+    # The measured place is p + l tilt, a product of two states. Without measured tilt l counts as known.
+    seen = z.copy()
+    for row in range(2):
+        tilt = x[CORE_FROM + row] if measured > 2 else 0.0
+        H[row, CORE_FROM + row], H[row, lever] = x[lever], tilt
+        seen[row] += x[lever] * tilt
     if measured > 2:
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         H[2, offset], H[2, offset + 1], H[3, offset], H[3, offset + 1] = c, -s, s, c
         along, across = c * x[offset] - s * x[offset + 1], s * x[offset] + c * x[offset + 1]
         if not max(abs(z[2] - x[CORE_FROM] - along), abs(z[3] - x[CORE_FROM + 1] - across)) <= TILT_GATE:
             measured = 2
-    update(x, P, H[:measured], R[:measured], z[:measured].copy(), limit)
+    update(x, P, H[:measured], R[:measured], seen[:measured].copy(), limit)
 
 
 class TiltFilter:
     """Filter of the horizontal motion with a tilt model, in the inertial frame: state x and covariance P.
 
-        x = position, velocity, core of the tilt model, servo, wind, trim, offset of the body frame
+        x = position, velocity, core of the tilt model, servo, wind, trim, offset of the body frame, lever arm
 
     The offset is the tilt of the measured body against the axis of the thrust: markers are never glued on
-    straight. It and the trim turn with the body; everything else but the servo is an inertial vector whose
-    dynamics know no heading, so only the columns of the body-fixed states turn.
+    straight. It and the trim turn with the body; everything else but servo and lever arm is an inertial
+    vector whose dynamics know no heading, so only the columns of the body-fixed states turn. The lever arm is
+    the height of the measured origin above the centre of gravity, whose position is estimated.
 
     A tilt of None is not measured.
     """
@@ -286,12 +244,14 @@ class TiltFilter:
         self._prepared = lru_cache(maxsize=256)(self._prepare)
         self._trim = system.trim
         self._offset = slice(system.trim.stop, system.trim.stop + 2)
-        self._body = slice(self._trim.start, self._offset.stop)
+        self._lever = slice(self._offset.stop, self._offset.stop + 1)
+        self._body = slice(self._trim.start, self._lever.stop)
+        self._lever_deviation_m = settings.lever_arm_deviation_m if settings.measured_tilt else 0.0
         self.expect_noise(0.0, 0.0)
-        size = system.size + 4
+        size = self._lever.stop
         self._limit = np.full(size, np.inf)
         self._limit[self._trim], self._limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
-        self._limit[system.wind] = WIND_LIMIT_M_S2
+        self._limit[system.wind], self._limit[self._lever] = WIND_LIMIT_M_S2, LEVER_LIMIT_M
         self._H = np.zeros((4, size))
         self._H[:2, POSITION] = self._H[2:, system.tilt] = np.eye(2)
         self.x: Array = np.zeros(size)
@@ -302,6 +262,16 @@ class TiltFilter:
     def tilt(self) -> Array:
         """Estimated tilt of the axis of the thrust, inertial frame, shape (2,)."""
         return self.x[self._layout.tilt]
+
+    @property
+    def lever_arm_m(self) -> tuple[float, float]:
+        """Estimated lever arm, and its standard deviation."""
+        return float(self.x[-1]), math.sqrt(max(self.P[-1, -1], 0.0))
+
+    @property
+    def origin_m(self) -> Array:
+        """Where the origin of the subject is from the position, inertial frame, shape (2,)."""
+        return np.asarray(self.x[self._lever] * self.tilt)
 
     @property
     def estimate(self) -> TiltEstimate:
@@ -315,7 +285,7 @@ class TiltFilter:
         self.R: Array = np.array((position_m**2, position_m**2, tilt**2, tilt**2))
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
-        """Start in the air at a position and velocity, shape (2,); trim and offset of the body are kept."""
+        """Start in the air at a position and velocity, shape (2,); trim, offset and lever arm are kept."""
         system, x, P = self._layout, self.x, self.P
         x[POSITION], x[VELOCITY] = position_m, velocity_m_s
         x[system.core] = x[system.wind] = 0.0
@@ -368,7 +338,7 @@ class TiltFilter:
     def _prepare(self, period_s: float) -> tuple[LateralStep, Array]:
         """Return the parameters of a period, and the covariance Q that it adds."""
         step = lateral_system(self._model, period_s).step
-        return step, process_noise(self._model, self._settings, period_s)
+        return step, np.pad(process_noise(self._model, self._settings, period_s), (0, 1))
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
@@ -383,10 +353,12 @@ class TiltFilter:
         self._forget(self._offset, _START_OFFSET_RAD)
 
     def _forget_body(self) -> None:
-        """Forget trim and offset, as of a new vehicle."""
+        """Forget trim, offset and lever arm, as of a new vehicle."""
         self._forget(self._trim, _START_TRIM)
         self._forget(self._offset, _START_OFFSET_RAD)
+        self._forget(self._lever, self._lever_deviation_m)
+        self.x[self._lever] = self._model.lever_arm_m
 
     def _forget(self, states: slice, deviation: float) -> None:
         self.x[states] = self.P[states, :] = self.P[:, states] = 0.0
-        self.P[states, states] = deviation**2 * np.eye(2)
+        self.P[states, states] = deviation**2 * np.eye(states.stop - states.start)

@@ -57,6 +57,8 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     wind_rms_m_s2: Positive | None = None
     """Standard deviation of the wind's acceleration, for vehicles with a tilt model; by default from the
     model's uncertainty."""
+    lever_arm_deviation_m: Annotated[float, msgspec.Meta(ge=0.0)] = 0.02
+    """Standard deviation of the model's lever arm, which is estimated with a measured tilt; zero keeps it."""
 
 
 # Downward disturbance over gravity of a thrust that hovers at 1 / (1 - 0.4) of its stick.

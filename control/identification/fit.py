@@ -33,6 +33,7 @@ from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.identification.result import (
     HEADING,
     HEIGHT,
+    HORIZONTAL,
     PARTS,
     FittedParameter,
     FittedPart,
@@ -52,6 +53,7 @@ _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior 
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED_S: Final = max(IDENTIFIED.delay_s)  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
+_LIKELIER: Final = 0.03  # log likelihood per period by which a lever arm must explain a flight better
 _GUSTS: Final = (CALM, 2.0 * CALM, 5.0 * CALM, 10.0 * CALM)
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
@@ -95,6 +97,8 @@ def identify(
     )
     for name, fit in zip(PARTS, fits, strict=True):
         found = fit.run(candidate, fitted)
+        if name == HORIZONTAL and with_tilt and not logged:
+            found = _perhaps_with_lever(found, candidate, fitted)
         part = _judged(name, found, Candidate(known), model, judged)
         parts.append(_within(part, model) if ordinary else part)
         candidate = found.candidate if parts[-1].accepted else candidate
@@ -260,14 +264,27 @@ def _likeliest_gusts(candidate: Candidate, flights: Flights) -> float:
     """The density of `_GUSTS` that makes the innovations of a candidate likeliest."""
 
     def improbability(density: float) -> float:
-        gusty = replace(candidate, model=replace(candidate.model, gust_density=density))
-        return sum(horizontal(gusty, flight).improbability() for flight in flights)
+        return _improbability(
+            replace(candidate, model=replace(candidate.model, gust_density=density)), flights
+        )
 
     return min(_GUSTS, key=improbability)
 
 
-def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
-    parameters = horizontal_parameters(start.model, with_tilt)
+def _improbability(candidate: Candidate, flights: Flights) -> float:
+    """Sum over flights of the mean negative log likelihood of horizontal innovations."""
+    return sum(horizontal(candidate, flight).improbability() for flight in flights)
+
+
+def _perhaps_with_lever(plain: _Found, start: Candidate, flights: Flights) -> _Found:
+    """Fit the lever arm, too; return that fit only if it is clearly likelier, as it loosens gains."""
+    found = _horizontal_fit(start, with_tilt=True, logged=False, with_lever=True).run(start, flights)
+    gain = _improbability(plain.candidate, flights) - _improbability(found.candidate, flights)
+    return found if gain > _LIKELIER * len(flights) else plain
+
+
+def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool, with_lever: bool = False) -> _Fit:
+    parameters = horizontal_parameters(start.model, with_tilt, with_lever)
     begin_at: list[Array] = []
     if FREQUENCY in parameters:
         place = np.array([parameter is FREQUENCY for parameter in parameters], dtype=float)

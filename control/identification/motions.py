@@ -220,6 +220,8 @@ def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> Linear
         a, b = as_complex(lateral.continuous), as_complex(lateral.continuous_demand)[:, 0]
         servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
     c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
+    if model.tilt is not None:
+        c[0, 2] = model.lever_arm_m
     density = np.zeros(len(b))
     flaps = model.tilt is not None and model.tilt.flapping_rad_s_m > 0.0
     density[1], density[servo] = model.gust_density, _SERVO_DENSITY

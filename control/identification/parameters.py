@@ -134,6 +134,9 @@ _BODY: Final = (
     _number("body offset left", "offsets.body_rad", "rad", 0.05, 1, positive=False),
 )
 
+# It resembles the direct lift: the priors of both decide.
+LEVER_ARM: Final = _number("lever arm", "model.lever_arm_m", "m", 0.02, positive=False)
+
 _THRUST_LAG: Final = _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST)
 _SLOPE: Final = replace(THRUST_GAIN, spread=0.3, write=_with_slope)
 _PER_VOLT: Final = _number("thrust per volt", "offsets.per_volt", "1/V", 0.1, positive=False)
@@ -171,8 +174,8 @@ def heading_parameters(model: Model) -> tuple[Parameter, ...]:
     return (*found, _COUPLING) if model.yaw_gyro else found
 
 
-def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...]:
-    """Return the parameters of the horizontal motion of a model, with or without measured tilt."""
+def horizontal_parameters(model: Model, with_tilt: bool, with_lever: bool) -> tuple[Parameter, ...]:
+    """Return the parameters of the horizontal motion of a model, perhaps with measured tilt and lever arm."""
     motion = _HORIZONTAL[2:] if model.sticks_known else _HORIZONTAL
     if model.tilt is None:
         return (*motion, *_LAG, *_TRIM)
@@ -184,4 +187,5 @@ def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...
         *((FLAPPING,) if model.tilt.flapping_rad_s_m else ()),
         *_TRIM,
         *(_BODY if with_tilt else ()),
+        *((LEVER_ARM,) if with_lever else ()),
     )

@@ -58,6 +58,7 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     b[servo] = 1.0 / tilt.servo_lag_s
     measured = np.zeros((2, offset + 1), dtype=complex)
     measured[0, 0] = measured[1, system.tilt.start // 2] = measured[1, offset] = 1.0
+    measured[0, system.tilt.start // 2] = model.lever_arm_m
     per_stick = np.ones(offset + 1)
     per_stick[[servo, trim]] = gain
     process = as_complex(process_noise(model, estimator, period_s)) * np.outer(per_stick, per_stick)

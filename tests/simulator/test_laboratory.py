@@ -89,3 +89,11 @@ def test_unusable_requests_are_refused_by_name() -> None:
         Laboratory({"h1": COAXIAL_LAG, "h2": COAXIAL_LAG}, {"h1": BodyPose((0.0, 0.0, 1.0))}, IDEAL)
     with pytest.raises(ValueError, match="seed -1 is negative"):
         Laboratory({}, {}, IDEAL, -1)
+
+
+def test_the_origin_of_a_tilted_subject_is_beside_its_centre_of_gravity() -> None:
+    pose = BodyPose((1.0, 2.0, 1.0), yaw_rad=math.pi / 2, pitch_rad=0.1)
+    assert pose.above(-0.04) == pytest.approx(
+        (1.0, 2.0 - 0.04 * math.sin(0.1), 1.0 + 0.04 * (1.0 - math.cos(0.1)))
+    )
+    assert BodyPose((1.0, 2.0, 0.0), yaw_rad=2.0).above(-0.04) == (1.0, 2.0, 0.0)

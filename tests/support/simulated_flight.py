@@ -46,7 +46,8 @@ def simulated_flight(
     )
     for row in range(rows):
         heading_rad = float(upright.motion[3])
-        position[row, :2], position[row, 2] = lateral[POSITION], upright.motion[2]
+        position[row, :2] = lateral[POSITION] + model.lever_arm_m * lateral[system.tilt]
+        position[row, 2] = upright.motion[2]
         yaw[row] = heading_rad
         tilt[row] = lateral[system.tilt] + heading_matrix(heading_rad) @ np.array(body_rad)
         inputs[row] = model.hover_input + excitation.at(row * PERIOD_S)

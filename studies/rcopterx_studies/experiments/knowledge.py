@@ -83,7 +83,8 @@ def known_model(
         return identified_model(conditions, name, seed, measured_tilt)
     if nominal is CRAZYFLIE:
         return exact_crazyflie(crazyflie_of(name, conditions, seed))
-    return exact_model(helicopter_of(name, conditions, seed))
+    exact = exact_model(helicopter_of(name, conditions, seed))
+    return replace(exact, lever_arm_m=conditions.lever_arm_m)
 
 
 def exact_model(parameters: HelicopterParameters) -> Model:

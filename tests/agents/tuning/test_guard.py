@@ -23,6 +23,7 @@ from rcopterx.agents.tuning.guard import (
     without_guard,
 )
 from rcopterx.bus.requests import Tune
+from rcopterx.control.estimators.extended_kalman import LEVER_ARM_FOUND, ExtendedKalmanEstimator
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import U_THRUST, YAW
@@ -113,6 +114,22 @@ def test_when_the_oscillation_ends_the_bandwidth_stays_lowered() -> None:
     # the flight goes on with it
     watched.flight.fly(50)
     assert watched.flight.error_m() < 0.1
+
+
+def test_once_the_filter_finds_the_lever_arm_that_it_flew_without_the_bandwidth_returns() -> None:
+    watched = Watched()
+    pilot, configuration = watched.flight.pilot, watched.flight.tuning.configuration
+    estimator = configuration.estimator_for(pilot.model, PERIOD_S)
+    assert isinstance(estimator, ExtendedKalmanEstimator)
+    pilot.estimator.use(estimator, started=False)
+    watched.flight.fly(5)
+    watched.swing(1.8)
+    assert watched.factor > 1.0
+    estimator.events[LEVER_ARM_FOUND] += 1
+    watched.swing(0.1, amplitude=0.1)
+    assert watched.factor == 1.0
+    watched.swing(2.5)
+    assert watched.factor > 1.0
 
 
 def test_there_is_a_largest_factor_and_the_flight_goes_on() -> None:

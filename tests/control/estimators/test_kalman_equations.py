@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.estimators.filters import predict_covariance, update
+from rcopterx.control.estimators.kalman import predict_covariance, update
 
 
 def positive(rng: np.random.Generator, size: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Promises of the tilt filter: it finds tilt, trim and crooked markers, with or without a measured tilt."""
 
+import dataclasses
 from collections.abc import Callable
 from copy import deepcopy
 
@@ -20,13 +21,18 @@ from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.vehicles.state import heading_matrix
 
 PERIOD_S = 0.02
-OFFSET = slice(-2, None)
+OFFSET = slice(-3, -1)
 """States of the offset of the body frame."""
 
 
-def new_filter() -> TiltFilter:
-    settings = ExtendedKalmanSettings(velocity_noise=4 * (0.01,), tilt_density=2.0, wind_rms_m_s2=0.15)
-    return TiltFilter(COAXIAL, settings)
+def new_filter(lever_arm_m: float = 0.0, deviation_m: float = 0.02) -> TiltFilter:
+    settings = ExtendedKalmanSettings(
+        velocity_noise=4 * (0.01,),
+        tilt_density=2.0,
+        wind_rms_m_s2=0.15,
+        lever_arm_deviation_m=deviation_m,
+    )
+    return TiltFilter(dataclasses.replace(COAXIAL, lever_arm_m=lever_arm_m), settings)
 
 
 class Vehicle:
@@ -87,6 +93,37 @@ def test_without_a_measured_tilt_the_state_is_found_from_positions() -> None:
         found.correct(vehicle.state[POSITION], None, 0.4)
     assert found.x[2:4] == pytest.approx(vehicle.state[2:4], abs=0.02)
     assert found.estimate.core[:2] == pytest.approx(vehicle.state[vehicle.system.tilt], abs=0.02)
+
+
+def flown_with_lever(found: TiltFilter, lever_arm_m: float, measured: bool = True) -> Vehicle:
+    """Fly a vehicle for 30 s whose origin is above its centre of gravity."""
+    vehicle, rng = Vehicle(0.4, np.zeros(2), np.zeros(2)), np.random.default_rng(1)
+    found.start(np.zeros(2), np.zeros(2), np.zeros(2) if measured else None, 0.4)
+    for step in range(1500):
+        stick = 0.05 * np.array([np.sin(step / 9), np.cos(step / 13)]) + rng.normal(0.0, 0.02, 2)
+        vehicle.fly(stick)
+        found.predict(stick, 0.4, PERIOD_S)
+        tilt = vehicle.measured_tilt
+        found.correct(vehicle.state[POSITION] + lever_arm_m * tilt, tilt if measured else None, 0.4)
+    return vehicle
+
+
+@pytest.mark.parametrize("lever_arm_m", [-0.04, 0.03])
+def test_a_lever_arm_is_found_in_flight_where_the_tilt_is_measured(lever_arm_m: float) -> None:
+    found = new_filter()
+    vehicle = flown_with_lever(found, lever_arm_m)
+    length_m, deviation_m = found.lever_arm_m
+    assert length_m == pytest.approx(lever_arm_m, abs=0.004)
+    assert deviation_m < 0.004
+    assert found.x[POSITION] == pytest.approx(vehicle.state[POSITION], abs=5e-4)
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_lever_arm_of_the_model_is_kept_where_it_is_certain(measured: bool) -> None:
+    found = new_filter(-0.04, 0.0)
+    vehicle = flown_with_lever(found, -0.04, measured)
+    assert found.lever_arm_m == (-0.04, 0.0)
+    assert found.x[POSITION] == pytest.approx(vehicle.state[POSITION], abs=1e-3)
 
 
 def test_a_tilt_of_markers_mixed_up_is_rejected() -> None:

@@ -103,13 +103,22 @@ def test_gusts_of_a_flight_are_found(density: float) -> None:
     assert found.model.input_gain[:2] == pytest.approx(other_helicopter().input_gain[:2], rel=0.15)
 
 
+@pytest.mark.parametrize("lever_arm_m", [-0.03, 0.04])
+def test_a_lever_arm_is_told_from_direct_lift_and_gain(lever_arm_m: float) -> None:
+    true = replace(other_helicopter(), lever_arm_m=lever_arm_m)
+    found = identify(simulated_flight(true), COAXIAL)
+    assert found.problems == ()
+    assert found.model.lever_arm_m == pytest.approx(lever_arm_m, abs=0.01)
+    assert found.model.input_gain[:2] == pytest.approx(true.input_gain[:2], rel=0.12)
+
+
 def test_positions_alone_are_enough(flight: FlightRecording) -> None:
     found = identify(replace(flight, tilt=None), COAXIAL)
     assert found.problems == ()
     assert found.model.input_gain[:2] == pytest.approx((2.4, 1.8), rel=0.1)
     assert found.model.tilt is not None
     assert found.model.tilt.frequency_rad_s == pytest.approx(10.0, rel=0.05)
-    assert "body offset forward" not in numbers(found)
+    assert not {"body offset forward", "lever arm"} & numbers(found).keys()
 
 
 def test_a_flight_without_excitation_is_refused() -> None:

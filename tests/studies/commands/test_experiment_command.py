@@ -30,6 +30,7 @@ def test_experiments_are_listed() -> None:
         "formation",
         "chain",
         "family",
+        "lever-arm",
         "fleets",
         "bound",
         "real-flights",
