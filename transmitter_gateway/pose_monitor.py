@@ -21,6 +21,8 @@ MOST_OTHERS = 63
 STANDING_M = 0.2  # markers of a vehicle that stands on the floor are not higher
 LIFTED_M = 0.03  # above where it stood, a vehicle flies
 SMALLEST_DISTANCE_M = 1e-3
+JUMP_RAD = 0.7  # by more a heading does not change between two poses...
+FASTEST_RAD_S = 6.0  # ...but while a vehicle turns so fast
 CLEAR_M = 0.2  # beyond the smallest distance, vehicles that came too close have moved apart
 
 
@@ -44,6 +46,7 @@ class Track:
     seen_epoch: int = 0
     velocity_m_s: Position = (0.0, 0.0, 0.0)  # low-passed; this and the following of the own vehicle only
     yaw_rad: float | None = None
+    turned_s: float | None = None  # since when the heading has jumped; `yaw_rad` is the one before
     captured_s: float = -math.inf  # on the local clock
     occluded: bool = False  # whether the motion capture lost it since the newest accepted position
     undelivered_s: float = 0.0  # longest time since then for which frames were captured, but did not arrive
@@ -94,6 +97,7 @@ class PoseMonitor:
             self._note_jump(waited_s)
             return self._reject("pose jump")
         self._jumping_s = None
+        self._turn(track, pose, now_s, airborne=airborne)
         self._follow(track, pose, position, now_s, moving=airborne)
         track.position_m, track.seen_s = position, now_s
         track.occluded, track.undelivered_s = False, 0.0
@@ -186,6 +190,16 @@ class PoseMonitor:
         if self._jumping_s >= self._limits.jump_descend_s:
             self._mistaken = "own pose jumped and did not come back"
 
+    def _turn(self, track: Track, pose: PoseInput, now_s: float, *, airborne: bool) -> None:
+        """Follow the heading; keep the last one while it has jumped, as with exchanged markers."""
+        if airborne and track.yaw_rad is not None and pose.yaw_rad is not None:
+            since_s = now_s - (track.seen_s if track.turned_s is None else track.turned_s)
+            turned_rad = abs(math.remainder(pose.yaw_rad - track.yaw_rad, math.tau))
+            if turned_rad > JUMP_RAD + FASTEST_RAD_S * min(since_s, LONGEST_EXTRAPOLATION_S):
+                track.turned_s = now_s if track.turned_s is None else track.turned_s
+                return
+        track.yaw_rad, track.turned_s = pose.yaw_rad, None
+
     def _follow(
         self, track: Track, pose: PoseInput, position: Position, now_s: float, *, moving: bool
     ) -> None:
@@ -204,7 +218,6 @@ class PoseMonitor:
                 vz + weight * ((z - last_z) / elapsed - vz),
             )
         track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
-        track.yaw_rad = pose.yaw_rad
         track.captured_s = now_s - pose.latency_s
 
     def release(self) -> None:
@@ -248,6 +261,10 @@ class PoseMonitor:
                 hold, descend = hold or fence_hold, descend or fence_descend
             too_close = self._too_close(own.position_m, now_s)
             hold = hold or too_close
+            if own.turned_s is not None:
+                hold = hold or "own heading jumped"
+                if now_s >= own.turned_s + self._limits.jump_descend_s:
+                    descend = descend or "own heading jumped and did not come back"
         limit = self._limits.maximum_thrust_s
         if limit is not None and thrust_time_s >= limit:
             descend = descend or f"thrust for {limit:g} s, the longest allowed"

@@ -29,8 +29,9 @@ class Watch:
         airborne: bool = True,
         period_s: float | None = 0.01,
         latency_s: float = 0.0,
+        yaw_rad: float | None = 0.0,
     ) -> bool:
-        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s, latency_s=latency_s)
+        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s, yaw_rad, latency_s)
         if vehicle != "h1":
             return self.monitor.other_pose(pose, self.now_s)
         return self.monitor.own_pose(pose, self.now_s, airborne=airborne)

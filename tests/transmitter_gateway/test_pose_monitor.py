@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pose_monitor_bench import QUIET, Watch
 
 from rcopterx.radios.limits import SurveillanceLimits
@@ -267,3 +269,39 @@ def test_latency_that_makes_no_sense_is_refused(latency_s: float) -> None:
     watch = Watch()
     assert not watch.step(latency_s=latency_s)
     assert watch.counters == {"malformed pose": 1}
+
+
+LANDS_AFTER = 30
+"""Frames after which it lands; rounding decides about the last one."""
+
+
+@pytest.mark.parametrize("turned_rad", [1.4, -2.4, math.pi])
+def test_a_heading_that_jumps_holds_then_lands_the_vehicle_with_the_one_before(turned_rad: float) -> None:
+    watch = Watch()
+    watch.step(yaw_rad=3.0)
+    for number in range(60):
+        assert watch.step(yaw_rad=3.0 + turned_rad)
+        motion = watch.monitor.own_motion(watch.now_s, 1.0)
+        assert motion is not None
+        assert motion.yaw_rad == 3.0
+        descends = "own heading jumped and did not come back" if number > LANDS_AFTER else None
+        if number != LANDS_AFTER:
+            assert watch.judge() == Judgement("own heading jumped", descends)
+    watch.step(yaw_rad=3.1 - math.tau)
+    assert watch.judge() == QUIET
+
+
+@given(st.floats(-5.0, 5.0), st.sampled_from([0.01, 0.02, 0.1]), st.floats(-math.pi, math.pi))
+def test_a_vehicle_that_turns_fast_has_no_jump(rate_rad_s: float, period_s: float, begins_rad: float) -> None:
+    watch = Watch()
+    for number in range(40):
+        watch.step(seconds=period_s, yaw_rad=begins_rad + rate_rad_s * period_s * number)
+        assert watch.judge() == QUIET
+
+
+def test_a_vehicle_that_was_turned_on_the_floor_has_no_jump() -> None:
+    watch = Watch()
+    watch.step(airborne=False)
+    watch.step(airborne=False, yaw_rad=math.pi)
+    watch.step(yaw_rad=math.pi)
+    assert watch.judge() == QUIET

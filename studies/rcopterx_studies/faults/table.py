@@ -20,6 +20,7 @@ from rcopterx.simulator.faults import (
     Silence,
     SkipFrames,
     SwapSubjects,
+    TurnPose,
 )
 from rcopterx_studies.faults.bench import FaultFlight, Injector
 from rcopterx_studies.faults.bus_injectors import Flood, Impaired, OldMessages
@@ -171,6 +172,7 @@ BUS_ROWS: Final = (
 )
 
 BESIDE_M: Final = (0.5, 0.0, 0.0)
+TURNED_RAD: Final = 2.44
 POSE_ROWS: Final = (
     _row("pose-occluded-60-ms", "h2 is not seen for 60 ms", Occlude("h2", duration_s=0.06)),
     _row("pose-occluded-200-ms", "h2 is not seen for 0.2 s", Occlude("h2", duration_s=0.2)),
@@ -185,6 +187,18 @@ POSE_ROWS: Final = (
     ),
     _open_loop(
         "pose-jumps", "h2 is shown 0.5 m beside its place", ("h2",), DisplacePose("h2", offset_m=BESIDE_M)
+    ),
+    _row(
+        "pose-turned-100-ms",
+        "h2 is shown turned by 140 degrees for 0.1 s",
+        TurnPose("h2", yaw_rad=TURNED_RAD, duration_s=0.1),
+    ),
+    _row(
+        "pose-turned",
+        "h2 is shown turned by 140 degrees",
+        TurnPose("h2", yaw_rad=TURNED_RAD),
+        promise=Promise.LANDS,
+        down=("h2",),
     ),
     _row(
         "pose-swapped-60-ms",
