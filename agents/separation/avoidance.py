@@ -102,7 +102,7 @@ class PlanAvoidance:
         self._step_guard.neighbours = ()
         if neighbours and self._ellipsoid is not None and plan is not None and free:
             found = near(self._ellipsoid, neighbours, plan, controller.period_s, controller.horizon, delay_s)
-            if self.closest_m is None or found.closest_m < self.closest_m:
+            if found.closest_m < (np.inf if self.closest_m is None else self.closest_m):
                 self.closest_m = found.closest_m
             obstacles, touching = found.obstacles, found.touching
             # The next plan may differ from the last one.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 from support.vehicle_types import COAXIAL_LAG
@@ -174,3 +175,11 @@ def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
     for _ in range(3):
         pilot.control({}, ACROSS)
     assert pilot.avoidance.ticks == 0
+
+
+def test_vehicles_that_all_keep_clear_of_this_one_leave_no_distance_to_report() -> None:
+    pilot = pilot_with("cascade")
+    passive = {name: structs.replace(neighbour, scale=0.0) for name, neighbour in ACROSS.items()}
+    for _ in range(3):
+        pilot.control({}, passive)
+    assert pilot.avoidance.closest_m is None
