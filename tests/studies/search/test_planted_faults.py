@@ -2,7 +2,7 @@
 
 import gc
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from unittest.mock import patch
 import pytest
 
 from rcopterx.bus.session import Session
-from rcopterx.transmitter_gateway import radios, transitions
+from rcopterx.transmitter_gateway import pose_monitor, radios, transitions
 from rcopterx.transmitter_gateway.command_validator import Leases
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
@@ -21,15 +21,16 @@ from rcopterx.transmitter_gateway.state_page import NOT_FLYING, StatePage, page_
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition, Transition
 from rcopterx.vehicles import lift_off
 from rcopterx.vicon_gateway.frame import EpochCounter
-from rcopterx_studies.search.flights import drawn_flight
+from rcopterx_studies.search.flights import drawn_flight, read_flight
 from rcopterx_studies.search.flying import Flown, fly
 
 pytestmark = pytest.mark.timeout(600)
+FOUND = Path(__file__).parents[2] / "found"
 Planted = Callable[[], AbstractContextManager[Any]]
 
 
-def flown(seed: int, vehicles: Sequence[int] = (1,)) -> Flown:
-    return fly(drawn_flight(seed, vehicles))
+def flown(seed: int) -> Flown:
+    return fly(drawn_flight(seed, vehicles=[1]))
 
 
 def with_rows(change: Callable[[Transition], Transition | None]) -> AbstractContextManager[Any]:
@@ -100,6 +101,11 @@ def falls_unfinished() -> AbstractContextManager[Any]:
     return patch.object(lift_off.LiftOffProof, "unfinished", False)
 
 
+def jumped_heading_believed() -> AbstractContextManager[Any]:
+    """A heading that jumps in flight counts at once."""
+    return patch.object(pose_monitor, "JUMP_RAD", 9.0)
+
+
 def doubt_begins_anew() -> AbstractContextManager[Any]:
     """A successor of a gateway forgets how well the hover thrust was known."""
     take_over = OutputLimiter.take_over
@@ -109,19 +115,20 @@ def doubt_begins_anew() -> AbstractContextManager[Any]:
 
 
 @pytest.mark.parametrize(
-    ("planted", "seed", "promise"),
+    ("planted", "found"),
     [
-        (late_poses_jump, 10052, "touchdown"),
-        (unanswered_poses_teach, 10014, "volume"),
-        (falls_unfinished, 10076, "touchdown"),
-        (doubt_begins_anew, 1004, "touchdown"),
+        (late_poses_jump, "touchdown-10052"),
+        (unanswered_poses_teach, "volume-10014"),
+        (falls_unfinished, "touchdown-10076"),
+        (doubt_begins_anew, "touchdown-1004"),
+        (jumped_heading_believed, "volume-30011"),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
-def test_a_fault_that_the_search_found_is_found_again(planted: Planted, seed: int, promise: str) -> None:
+def test_a_fault_that_the_search_found_is_found_again(planted: Planted, found: str) -> None:
     with planted():
-        assert promise in [finding.promise for finding in flown(seed, (1, 2, 3)).findings]
-    assert flown(seed, (1, 2, 3)).findings == []
+        flight = read_flight(FOUND / f"{found}.json")
+        assert found.partition("-")[0] in [finding.promise for finding in fly(flight).findings]
 
 
 @pytest.mark.parametrize(
