@@ -232,8 +232,9 @@ class PoseMonitor:
 
     @property
     def mistaken(self) -> bool:
-        """Whether the own poses may be those of another body until the vehicle has landed."""
-        return self._mistaken is not None
+        """Whether the own poses may be those of another body until the vehicle has landed, or turned."""
+        turned = self.own_track is not None and self.own_track.turned_s is not None
+        return turned or self._mistaken is not None
 
     def floor_m(self, otherwise_m: float) -> float:
         """Height at which the vehicle stood before take-off; `otherwise_m` if that was not seen."""

@@ -284,6 +284,7 @@ def test_a_heading_that_jumps_holds_then_lands_the_vehicle_with_the_one_before(t
         motion = watch.monitor.own_motion(watch.now_s, 1.0)
         assert motion is not None
         assert motion.yaw_rad == 3.0
+        assert watch.monitor.mistaken
         descends = "own heading jumped and did not come back" if number > LANDS_AFTER else None
         if number != LANDS_AFTER:
             assert watch.judge() == Judgement("own heading jumped", descends)
