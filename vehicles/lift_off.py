@@ -141,7 +141,8 @@ class LiftOffProof:
         """Thrust that brings it to the floor gently, without any pose."""
         sinks = self._flew and self._braked
         if self.unfinished:
-            sinks = braked(self._climb_m_s, self.share, self._limits.rotor_lag_s)
+            climb_m_s = min(self._climb_m_s, self._unseen_m_s)  # poses may be missing meanwhile
+            sinks = braked(climb_m_s, self.share, self._limits.rotor_lag_s)
         return RESTING_SHARE * self._limits.hover_thrust if sinks else 0.0
 
     def thrust(self, applied: float, elapsed_s: float, *, stands: bool) -> None:
