@@ -28,6 +28,7 @@ MODULES: Final = (
     "simulator.helicopter",
     "control.models.prediction",
     "control.estimators.filters",
+    "control.estimators.kalman",
     "control.solver.interior_point",
     "control.solver.active_set",
     "simulator.helicopter_dynamics",
