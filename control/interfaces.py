@@ -157,13 +157,9 @@ class Controller(Protocol):
 
         `estimate` is the state at the instant at which the new input begins to act (the delay is
         compensated), `reference` has N stages from that instant on, and `last_input`, shape (4,), is the
-        input of the period before. A step should return the best result it has as soon as `expired` is
-        true.
-
-        Raises
-        ------
-        NoSolutionError
-            The previous plan is better than all that was found; any other exception is a failure.
+        input of the period before. A step should return the best result it has as soon as `expired` is true.
+        Raises `NoSolutionError`: the previous plan is better than all that was found; any other exception is
+        a failure.
         """
 
 

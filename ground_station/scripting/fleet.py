@@ -93,12 +93,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Exchange the roles of two flying vehicles at one frame; all vehicles keep their places in space.
 
         Vehicles that follow one of them follow the other one afterwards. Returns a line for each vehicle with
-        new leaders.
-
-        Raises
-        ------
-        RefusedError
-            It cannot be done; nothing has changed.
+        new leaders. Raises `RefusedError`: it cannot be done; nothing has changed.
         """
         # Imported here and below: few programs change leaders.
         from rcopterx.ground_station.scripting.regroup import regroup, role, swapped
@@ -160,15 +155,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Arm and take off, and wait until all fly.
 
         Without names all vehicles that take part do; those that are not ready a while after the others stay
-        behind. Returns the problems of vehicles that stayed behind.
-
-        Raises
-        ------
-        RefusedError
-            A vehicle is killed, or returned to the floor, or a host can fly fewer vehicles than its agents
-            are; says why.
-        NotReachedError
-            Not all reached their height in time.
+        behind. Returns the problems of vehicles that stayed behind. Raises `RefusedError`: a vehicle is
+        killed, or returned to the floor, or a host can fly fewer vehicles than its agents are; says why.
+        Raises `NotReachedError`: not all reached their height in time.
         """
         wanted = None if names is None else self._named(names)
         self._refuse_killed(wanted)
@@ -246,13 +235,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
         """Start a vehicle that does not take part yet, take off, and follow its leaders of the fleet file.
 
-        Returns whom it follows, in words.
-
-        Raises
-        ------
-        RefusedError, RequestFailedError, NotReachedError
-            A vehicle is above it or at its future place, its agent could not be started, or something is
-            missing; the others fly on.
+        Returns whom it follows, in words. Raises `RefusedError`, `RequestFailedError` or `NotReachedError`: a
+        vehicle is above it or at its future place, its agent could not be started, or something is missing;
+        the others fly on.
         """
         problem = self._join_problem(name, height_m)
         if problem is not None:
@@ -287,10 +272,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def leave(self, name: str, timeout_s: float = 15.0) -> None:
         """Land a vehicle and end its agent; the others fly on.
 
-        Raises
-        ------
-        RefusedError
-            Other vehicles follow it; says which.
+        Raises `RefusedError`: other vehicles follow it; says which.
         """
         self.wait_for_status()
         followers = self.followers(name)
@@ -304,12 +286,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Land and disarm vehicles, by default all, also those that stand armed.
 
-        Raises
-        ------
-        RefusedError, RequestFailedError, NotReachedError
-            A vehicle refused, did not answer, did not land, or its firmware reports that it is still armed;
-            the others land and are disarmed first.
-            Failures of further vehicles are in the notes of the error.
+        Raises `RefusedError`, `RequestFailedError` or `NotReachedError`: a vehicle refused, did not answer,
+        did not land, or its firmware reports that it is still armed; the others land and are disarmed first.
+        Failures of further vehicles are in the notes of the error.
         """
         self.wait_for_status(names := None if names is None else self._named(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
@@ -358,10 +337,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 1.0) -> None:
         """Cut the motors of some or all vehicles until `Vehicle.reset`; repeated until all arbiters confirm.
 
-        Raises
-        ------
-        NotReachedError
-            An arbiter is not KILLED within `timeout_s`; says which.
+        Raises `NotReachedError`: an arbiter is not KILLED within `timeout_s`; says which.
         """
         message = Kill(source=SOURCE, reason=reason, vehicles=tuple(self._named(names)))
         wanted = message.vehicles or tuple(self.file.vehicles)

@@ -33,15 +33,9 @@ def launched(
     fleet that is yielded is ready to take off; it lands at the end of the block and on any exception. With
     `speed` 0.2 the time of a simulated fleet passes five times slower than real time; None means as in its
     file. In `lockstep` it stands still until all processes have finished their work, and while the block does
-    not wait.
-
-    Raises
-    ------
-    FleetError
-        The file is wrong, an address is in use, a device is missing, or the fleet cannot fly at that speed;
-        nothing was started.
-    NotReachedError
-        The fleet did not become ready; says what is missing.
+    not wait. Raises `FleetError`: the file is wrong, an address is in use, a device is missing, or the fleet
+    cannot fly at that speed; nothing was started. Raises `NotReachedError`: the fleet did not become ready;
+    says what is missing.
     """
     file = at_speed(load_fleet(fleet_path(str(path))), speed, lockstep)
     if host is None and len(file.hosts) > 1:

@@ -23,16 +23,10 @@ class Observer(Reader):
 
     `host` is the host whose router is used, by default the first one of the file; `timeout_s` is how long to
     look for the router; `clock` is monotonic [s], for ages and waits, by default that of the fleet. With a
-    name as a `process` it takes turns in lockstep: time stands still while it does not wait.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answers: the fleet is not up.
-    WrongFleetError
-        The router belongs to another fleet, or to one that was started from another version of the file.
-    NotReachedError
-        Processes of a fleet in lockstep did not start.
+    name as a `process` it takes turns in lockstep: time stands still while it does not wait. Raises
+    `BusUnreachableError`: no router answers, so the fleet is not up. Raises `WrongFleetError`: the router
+    belongs to another fleet, or to one that was started from another version of the file. Raises
+    `NotReachedError`: processes of a fleet in lockstep did not start.
     """
 
     def __init__(
@@ -144,12 +138,8 @@ class Observer(Reader):
     def wait_for_phase(self, phase: str, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until vehicles, by default all, are in a flight phase.
 
-        Raises
-        ------
-        NotReachedError
-            They were not within `timeout_s`; names those that are not and the state of each.
-        ValueError
-            There is no such phase.
+        Raises `NotReachedError`: they were not within `timeout_s`; names those that are not and the state of
+        each. Raises `ValueError`: there is no such phase.
         """
         wanted = Phase(phase)
         vehicles = None if names is None else self._named(names)

@@ -78,12 +78,8 @@ class Vehicle:
         """Fly a trajectory from `circle`, `figure_eight`, `spiral` or `through`; returns how long it takes.
 
         The vehicle first moves smoothly to the beginning of the trajectory. With `wait` the call returns when
-        the trajectory has ended.
-
-        Raises
-        ------
-        RefusedError
-            It leaves the flight volume or exceeds the limits of the vehicle; the text says where.
+        the trajectory has ended. Raises `RefusedError`: it leaves the flight volume or exceeds the limits of
+        the vehicle; the text says where.
         """
         answer = self._request(requests.Fly(knots=FloatArray.of(path.knots)))
         if wait:
@@ -132,12 +128,8 @@ class Vehicle:
 
         Settings of the controller are `horizon`, `state_weights`, `input_min` and so on. They are added to
         the present ones; another controller keeps only the horizon. Returns what flies now, and since which
-        frame.
-
-        Raises
-        ------
-        RefusedError
-            A name or a value is not allowed; the text says which, and what is allowed.
+        frame. Raises `RefusedError`: a name or a value is not allowed; the text says which, and what is
+        allowed.
         """
         request = requests.Tune(
             controller=controller,
@@ -150,12 +142,8 @@ class Vehicle:
     def use_model(self, parameters: Parameters) -> str:
         """Fly with identified parameters of the model, without a bump; returns as `tune` does.
 
-        Parameters are those of the table `model` in the fleet file.
-
-        Raises
-        ------
-        RefusedError
-            A parameter is unknown, or no vehicle can have it.
+        Parameters are those of the table `model` in the fleet file. Raises `RefusedError`: a parameter is
+        unknown, or no vehicle can have it.
         """
         return self._request(requests.Tune(model=parameters), TUNING_LIMIT_S)
 
@@ -194,12 +182,8 @@ class Vehicle:
     def move(self, host: str, timeout_s: float = 20.0) -> None:
         """Move the agent to another host, also in flight: a new agent takes over when it is warm.
 
-        Raises
-        ------
-        RefusedError
-            The fleet file does not let it run there.
-        NotReachedError
-            The new agent did not take over in time; it was stopped, and the old one flies on.
+        Raises `RefusedError`: the fleet file does not let it run there. Raises `NotReachedError`: the new
+        agent did not take over in time; it was stopped, and the old one flies on.
         """
         name, fleet = self.name, self._fleet
         allowed = fleet.file.agent_hosts(name)
