@@ -50,9 +50,8 @@ class RadioLink(Reception):
 class RadioPty(RadioEnd):
     """A `RadioLink` on a pseudo-terminal with a fixed name, a symbolic link.
 
-    Call `receive` whenever `fileno` is readable and `advance` often enough for the module to answer;
-    `service` does both. A link left over by a killed process is replaced; `FileExistsError` if `path` is no
-    symbolic link.
+    Call `receive` whenever `fileno` is readable and `advance` often enough for the module to answer.
+    A link left over by a killed process is replaced; `FileExistsError` if `path` is no symbolic link.
     """
 
     def __init__(self, path: str | Path, link: RadioLink) -> None:
@@ -82,11 +81,6 @@ class RadioPty(RadioEnd):
     def fileno(self) -> int:
         """Descriptor to wait for written bytes on, -1 while unplugged."""
         return self._master
-
-    def service(self, now_s: float) -> None:
-        """Read the written bytes, advance the time, and write the answers."""
-        self.receive(now_s)
-        self.advance(now_s)
 
     def receive(self, now_s: float) -> None:
         """Read the written bytes; `advance` passes them to the module."""

@@ -59,9 +59,6 @@ class Recording:
         """All messages in order of arrival."""
         return sorted(chain.from_iterable(self._records.values()), key=attrgetter("arrived_s"))
 
-    def __len__(self) -> int:
-        return sum(map(len, self._records.values()))
-
 
 class FlightSampler:
     """Records messages between `start` and `stop`: `only` some channels, `kept` newest messages."""
@@ -78,9 +75,6 @@ class FlightSampler:
     def _store(self, message: RawMessage) -> None:
         if self._active and message.topic in self._topics:
             self._records.append(message)
-
-    def __len__(self) -> int:
-        return len(self._records)
 
     def start(self) -> None:
         """Begin a new recording."""

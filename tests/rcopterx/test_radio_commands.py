@@ -15,6 +15,7 @@ from operator import call
 from pathlib import Path
 
 import pytest
+from support.radios import HandheldReceiver, serve
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.commands.radio_bench import workbench
@@ -28,7 +29,7 @@ from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.simulator.radio_receiver import ReceiverState
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
@@ -62,7 +63,7 @@ class Laboratory:
         self.path.write_text(FLEET.replace("PROTOCOL", protocol))
         file = load_fleet(self.path)
         device = serial_path("radio-h2", run_directory(file.name, None))
-        self.receiver = Receiver(2, connect_s=0.0, answers_bind=True)
+        self.receiver = HandheldReceiver(2, connect_s=0.0, answers_bind=True)
         module = module_of(SimulatedRadio(protocol_of(file, "h2"), 2), time.monotonic())
         self.radio = RadioPty(device, RadioLink(module, self.receiver))
         self.protocol = protocol_of(file, "h2")
@@ -79,7 +80,7 @@ class Laboratory:
             for item in [item for item in self.at if item[0] <= now_s]:
                 self.at.remove(item)
                 item[1]()
-            self.radio.service(now_s)
+            serve(self.radio, now_s)
             self.frames += self.radio.link.take_frames()
             waited = [self.radio.fileno()] if self.radio.is_open else []
             select.select(waited, [], [], 0.005)

@@ -1,5 +1,7 @@
 """An emulated Multiprotocol module and its frames, driven in virtual time."""
 
+from support.radios import HandheldReceiver
+
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.radios.multi_answers import AnswerParser, MultiStatus
 from rcopterx.radios.protocol import FrameFlags
@@ -27,7 +29,7 @@ class Bench:
 
     def __init__(self, receiver: Receiver | None = None, **module_options: bool) -> None:
         self.module = MultiModule(0.0, **module_options)
-        self.link = RadioLink(self.module, receiver or Receiver(3, connect_s=0.0))
+        self.link = RadioLink(self.module, receiver or HandheldReceiver(3, connect_s=0.0))
         self.now_s = 0.0
         self.packets: list[AirPacket] = []
         self.answers = b""

@@ -3,6 +3,7 @@ from operator import call
 from pathlib import Path
 
 import pytest
+from support.radios import serve
 
 from rcopterx.radios.dsm2_serial import Dsm2Settings
 from rcopterx.radios.dsmp import DsmpSettings
@@ -43,7 +44,7 @@ class Bench:
                 self.protocol.link_opened(self.now_s)
             self.port.write_frame(self.protocol.encode([1540.0, 1450.0, 1520.0, 1480.0]), self.now_s)
             self.now_s += 0.025
-            self.radio.service(self.now_s)
+            serve(self.radio, self.now_s)
             self.protocol.receive(self.port.read_available(self.now_s), self.now_s)
 
     @property

@@ -3,9 +3,10 @@
 import math
 
 from radio_multi_bench import HOVER, Bench, booted, frame
+from support.radios import HandheldReceiver
 
 from rcopterx.radios.multi import MultiFrame, MultiProtocol, MultiSettings
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.simulator.radio_receiver import ReceiverState
 
 
 def test_autobind_stops_the_radio() -> None:
@@ -14,7 +15,7 @@ def test_autobind_stops_the_radio() -> None:
 
 
 def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
-    receiver = Receiver(None, connect_s=0.0)
+    receiver = HandheldReceiver(None, connect_s=0.0)
     receiver.enter_bind_mode()
     bench = booted(receiver)
     bench.statuses()
@@ -32,7 +33,7 @@ def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
 
 
 def test_an_answering_receiver_ends_the_bind_early() -> None:
-    receiver = Receiver(None, connect_s=0.0, answers_bind=True)
+    receiver = HandheldReceiver(None, connect_s=0.0, answers_bind=True)
     receiver.enter_bind_mode()
     bench = booted(receiver)
     bench.answers = b""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
+from support.radios import HandheldReceiver
 
 from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
 from rcopterx.radios.dsmp import DsmpProtocol, DsmpSettings
@@ -30,7 +31,7 @@ class Bench:
         self, module: RadioModule, protocol: RadioProtocol, receiver: Receiver | None = None
     ) -> None:
         self.module, self.protocol = module, protocol
-        self.link = RadioLink(module, receiver or Receiver(3, connect_s=0.0))
+        self.link = RadioLink(module, receiver or HandheldReceiver(3, connect_s=0.0))
         self.now_s = 0.0
         protocol.link_opened(0.0)
 
@@ -110,12 +111,12 @@ def test_range_check_power_does_not_reach_far(build: Callable[[], Bench]) -> Non
 
 
 def test_board_binds_only_when_asked_in_its_first_frame() -> None:
-    receiver = Receiver(None, connect_s=0.0)
+    receiver = HandheldReceiver(None, connect_s=0.0)
     receiver.enter_bind_mode()
     late = Bench(Dsm2Board(), Dsm2SerialProtocol(Dsm2Settings(3)), receiver)
     late.run(0.1, [1100.0])
     late.run(3.0, [1100.0], FrameFlags(bind=True))
-    assert receiver.state(late.now_s) is ReceiverState.BIND
+    assert receiver.binding
     late.module.power_cycle(late.now_s)
     late.run(3.0, [1100.0], FrameFlags(bind=True))
     assert receiver.model_match == 3
@@ -123,7 +124,7 @@ def test_board_binds_only_when_asked_in_its_first_frame() -> None:
 
 
 def test_dsmp_bind_result_ends_the_bind() -> None:
-    receiver = Receiver(None, connect_s=0.0, answers_bind=True)
+    receiver = HandheldReceiver(None, connect_s=0.0, answers_bind=True)
     receiver.enter_bind_mode()
     bench = Bench(DsmpModule(), DsmpProtocol(DsmpSettings(model=3)), receiver)
     bench.run(1.5, [1100.0], FrameFlags(bind=True))

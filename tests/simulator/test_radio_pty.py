@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.radios import serve
 
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.simulator.radio import RadioLink, RadioPty
@@ -27,7 +28,7 @@ def opened(radio: RadioPty) -> int:
 def write_and_service(radio: RadioPty, descriptor: int, data: bytes, now_s: float) -> None:
     os.write(descriptor, data)
     assert select.select([radio.fileno()], [], [], 60.0)[0]
-    radio.service(now_s)
+    serve(radio, now_s)
 
 
 def flying(radio: RadioPty) -> int:
@@ -35,7 +36,7 @@ def flying(radio: RadioPty) -> int:
     descriptor = opened(radio)
     for n in range(50):
         write_and_service(radio, descriptor, FRAME, n * 0.02)
-    radio.service(1.0)
+    serve(radio, 1.0)
     radio.link.take_frames()
     return descriptor
 
@@ -87,11 +88,11 @@ def test_unplugging_hangs_up_and_replugging_boots_the_module(radio: RadioPty) ->
         os.write(descriptor, FRAME)
     os.close(descriptor)
     assert not radio.path.exists()
-    radio.service(1.1)
+    serve(radio, 1.1)
     radio.replug(2.0)
     descriptor = opened(radio)
     write_and_service(radio, descriptor, FRAME, 2.01)
-    radio.service(2.1)
+    serve(radio, 2.1)
     assert radio.link.module.rejected["before power-up was complete"] > len(before[0])
     os.close(descriptor)
 
@@ -99,7 +100,7 @@ def test_unplugging_hangs_up_and_replugging_boots_the_module(radio: RadioPty) ->
 def test_frames_that_piled_up_while_nobody_looked_are_told_apart(radio: RadioPty) -> None:
     descriptor = flying(radio)
     write_and_service(radio, descriptor, FRAME + FRAME, 1.05)
-    radio.service(1.06)
+    serve(radio, 1.06)
     assert len(radio.link.take_frames()) == 2
     assert radio.counters["late services"] == 1
     os.close(descriptor)
@@ -108,7 +109,7 @@ def test_frames_that_piled_up_while_nobody_looked_are_told_apart(radio: RadioPty
 def test_frames_glued_together_are_lost_when_somebody_looks_in_time(radio: RadioPty) -> None:
     descriptor = flying(radio)
     write_and_service(radio, descriptor, FRAME + FRAME, 1.001)
-    radio.service(1.05)
+    serve(radio, 1.05)
     assert not radio.link.take_frames()
     os.close(descriptor)
 

@@ -1,4 +1,5 @@
 import pytest
+from support.radios import HandheldReceiver
 
 from rcopterx.simulator.radio_module import AirPacket
 from rcopterx.simulator.radio_receiver import HOLD_S, Receiver, ReceiverState
@@ -72,7 +73,7 @@ def test_power_cycle_searches_again() -> None:
 
 
 def test_weak_packets_do_not_reach_a_receiver_too_far_away() -> None:
-    near, far = Receiver(3, connect_s=0.0), Receiver(3, connect_s=0.0, in_range_check_reach=False)
+    near, far = Receiver(3, connect_s=0.0), HandheldReceiver(3, connect_s=0.0, in_range_check_reach=False)
     for receiver in (near, far):
         receiver.receive(packet(0.0, weak=True))
     assert near.state(0.0) is ReceiverState.LINKED
@@ -81,9 +82,9 @@ def test_weak_packets_do_not_reach_a_receiver_too_far_away() -> None:
 
 @pytest.mark.parametrize(("throttle", "stored"), [(1120.0, 1120.0), (1180.0, 1180.0)])
 def test_throttle_at_bind_becomes_the_failsafe(throttle: float, stored: float) -> None:
-    receiver = Receiver(None, connect_s=0.0)
+    receiver = HandheldReceiver(None, connect_s=0.0)
     receiver.enter_bind_mode()
-    assert receiver.state(0.0) is ReceiverState.BIND
+    assert receiver.binding
     for n in range(20):
         receiver.receive(AirPacket(n * 0.01, 1, 7, (), bind=True))
     for n in range(500):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from support.radios import serve
 from support.waiting import wait_for
 
 from rcopterx.bus.codec import encode
@@ -207,7 +208,7 @@ class Laboratory(Wakeup):
         self._served[name] += len(new)
         if radio.is_open and new and new[-1].outcome is WriteOutcome.WRITTEN:
             assert select.select([radio.fileno()], [], [], 5.0)[0]
-        radio.service(self.bus.now_s)
+        serve(radio, self.bus.now_s)
         self.throttle_us[name] += [round(frame.pulses_us[0]) for frame in radio.link.take_frames()]
 
     def pose(self, x_m: float) -> Pose:

@@ -4,6 +4,8 @@ from collections import Counter
 from operator import call
 from pathlib import Path
 
+from support.radios import serve
+
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
@@ -63,7 +65,7 @@ class Restart:
                 u = (0.0, 0.0, thrust, 0.0)
                 self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
                 self.tick()
-            self.radio.service(self.now_s + 0.005)
+            serve(self.radio, self.now_s + 0.005)
             self.transmitter.on_readable(self.now_s + 0.005)
             self.tick(0.005)
             states.append(self.radio.link.receiver.state(self.now_s))
@@ -97,7 +99,7 @@ class Restart:
         end_s = self.now_s + silence_s
         while self.now_s < end_s - 1e-9:
             self.now_s += 0.02
-            self.radio.service(self.now_s)
+            serve(self.radio, self.now_s)
         self.throttle_us()
         self.start()
 
@@ -108,7 +110,7 @@ class Restart:
     def lose_adapter(self) -> None:
         """Let the adapter vanish, but not the module's power; the last frame has arrived."""
         self.radio.unplug(powered=True)
-        self.radio.service(self.now_s + 0.01)
+        serve(self.radio, self.now_s + 0.01)
         self.throttle_us()
 
     def throttle_us(self) -> list[float]:

@@ -2,6 +2,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from support.radios import serve
 from transmitter_bench import FRAME_S, HOVER, IDLE, Bench, settings_of
 
 from rcopterx.radios.calibration import (
@@ -91,7 +92,7 @@ def test_commands_are_obeyed_at_once_after_a_pause_in_which_the_module_received_
     bench.now_s += 0.6
     while module_s < bench.now_s:
         module_s += 0.01
-        bench.radio.service(module_s)
+        serve(bench.radio, module_s)
     bench.exchange()
     assert bench.state is not State.ARMED
     bench.next_command_s = bench.now_s

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from support.radios import serve
 from support.waiting import wait_for
 
 from rcopterx.radios.calibration import ArmingChannel, Calibration
@@ -30,7 +31,7 @@ def test_the_workbench_does_not_wait_for_a_receiver(tmp_path: Path, arming: Armi
         nonlocal now_s
         wait_for(lambda: not port.is_opening, "the port does not open")
         now_s += min(timeout_s, STEP_S)
-        radio.service(now_s)
+        serve(radio, now_s)
         return select.select(descriptors, [], [], 0)[0]
 
     settings = TransmitterSettings(

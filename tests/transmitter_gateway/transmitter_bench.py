@@ -4,6 +4,8 @@ import select
 from operator import call
 from pathlib import Path
 
+from support.radios import HandheldReceiver, serve
+
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
@@ -11,7 +13,6 @@ from rcopterx.radios.protocol import RadioProtocol, SerialLine
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, Answer, CommandInput, PoseInput, State
 from rcopterx.transmitter_gateway.port import Write, WriteOutcome
 from rcopterx.transmitter_gateway.serial_port import SerialPort
@@ -40,7 +41,7 @@ class Bench:
 
     def __init__(self, path: Path, calibration: Calibration | None = None) -> None:
         self.now_s = 0.0
-        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
+        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), HandheldReceiver(3, connect_s=0.0)))
         self.port = SerialPort(str(path), LINE, call)
         self.transmitter = Transmitter(settings_of(calibration or Calibration()), self.port)
         self.transmitter.arbiter.bid(1, 0.0, take_over=False)
@@ -60,7 +61,7 @@ class Bench:
     def exchange(self) -> None:
         """Let what was written arrive and what is answered be read."""
         self._tick()
-        self.radio.service(self.now_s)
+        serve(self.radio, self.now_s)
         self.frames += self.radio.link.take_frames()
         descriptor = self.port.fileno()
         if descriptor is not None and select.select([descriptor], [], [], 0)[0]:
