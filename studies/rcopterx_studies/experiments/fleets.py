@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
-from rcopterx.control.identification.fit import identify
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.vehicles.model import fitted_parameters
 from rcopterx_studies.experiments.formation import (
     FOLLOWERS,
     LEADER,
@@ -21,7 +19,7 @@ from rcopterx_studies.experiments.formation import (
     formation,
     sequence,
 )
-from rcopterx_studies.experiments.knowledge import Knowledge
+from rcopterx_studies.experiments.knowledge import Knowledge, learn
 from rcopterx_studies.experiments.record import rms
 from rcopterx_studies.experiments.rig import GUARDED, SETTLED_S, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
@@ -51,7 +49,9 @@ def fly_fleet(
     slots = sequence(quick)
     rig = Rig(formation(replace(CASCADE, knowledge=knowledge), conditions, seed), conditions, seed, GUARDED)
     if knowledge == "learned":
-        learn(rig)
+        learn(rig, LEARNING_SLOTS * SLOT_S, events(SLOTS[:LEARNING_SLOTS]))
+        back = ((LEADER, HOME_M, 0.0),)
+        rig.fly(RETURN_SLOTS * SLOT_S, events((back,), rig.time_s))
     begun_s = rig.time_s
     record = rig.fly((len(slots) + 2) * SLOT_S, events(slots, begun_s), progress)
     errors_m = record.formation_error_m(begun_s + SETTLED_S)
@@ -63,17 +63,6 @@ def fly_fleet(
         touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.values()),
         fallbacks=sum(record.fallbacks().values()),
     )
-
-
-def learn(rig: Rig) -> None:
-    """Fly a minute as any other, fit a model to it for every vehicle, use these, and return to the start."""
-    logs = {name: rig.log(name) for name in rig.pilots}
-    rig.fly(LEARNING_SLOTS * SLOT_S, events(SLOTS[:LEARNING_SLOTS], rig.time_s))
-    for name, log in logs.items():
-        found = identify(log.recording(), rig.pilots[name].model, ordinary=True)
-        rig.use_model(name, fitted_parameters(found.model))
-    back = ((LEADER, HOME_M, 0.0),)
-    rig.fly(RETURN_SLOTS * SLOT_S, events((back,), rig.time_s))
 
 
 def cases(options: Options) -> Cases[FlownFleet]:

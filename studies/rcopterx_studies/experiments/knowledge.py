@@ -5,6 +5,7 @@ are flown at several levels of knowledge, so that experiments can compare them.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Final, Literal
@@ -20,10 +21,11 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import BodyPose
-from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_range
+from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_range, fitted_parameters
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
+from rcopterx_studies.experiments.events import PilotEvent
 from rcopterx_studies.experiments.rig import Rig, RigVehicle
 from rcopterx_studies.plants.identified_crazyflie import (
     FULL_THRUST_SHARE,
@@ -176,6 +178,15 @@ def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: 
         raise NotIdentifiedError(f"{name}, seed {seed}: {pilot.exciter.outcome}")
     recording = log.recording()
     return recording if measured_tilt else replace(recording, tilt=None)
+
+
+def learn(rig: Rig, duration_s: float, events: Sequence[PilotEvent]) -> None:
+    """Fly as in any flight, fit a model to it for every vehicle, and use these from then on."""
+    logs = {name: rig.log(name) for name in rig.pilots}
+    rig.fly(duration_s, events)
+    for name, log in logs.items():
+        found = identify(log.recording(), rig.pilots[name].model, ordinary=True)
+        rig.use_model(name, fitted_parameters(found.model))
 
 
 def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:

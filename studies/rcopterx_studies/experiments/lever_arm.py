@@ -7,13 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.identification.fit import identify
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose
-from rcopterx.vehicles.model import fitted_parameters
 from rcopterx_studies.experiments.events import GoToEvent
 from rcopterx_studies.experiments.family import HOME_M, PROGRAMME, QUICK_PROGRAMME
-from rcopterx_studies.experiments.knowledge import Knowledge
+from rcopterx_studies.experiments.knowledge import Knowledge, learn
 from rcopterx_studies.experiments.rig import GUARDED, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
 from rcopterx_studies.experiments.schemes import CASCADE
@@ -32,11 +30,10 @@ def hover(
     vehicle = replace(CASCADE, knowledge=knowledge).vehicle("h1", BodyPose(HOME_M), conditions, seed)
     rig, programme = Rig([vehicle], conditions, seed, GUARDED), QUICK_PROGRAMME if quick else PROGRAMME
     if knowledge == "learned":
-        log, random = rig.log("h1"), np.random.default_rng(seed)
+        random = np.random.default_rng(seed)
         places = [*(HOME_M + random.uniform(-0.4, 0.4, (LEARNED_FROM, 3))), np.array(HOME_M)]
-        rig.fly(SLOT_S * len(places), [GoToEvent(SLOT_S * at, "h1", tuple(m)) for at, m in enumerate(places)])
-        found = identify(log.recording(), rig.pilots["h1"].model, ordinary=True)
-        rig.use_model("h1", fitted_parameters(found.model))
+        steps = [GoToEvent(SLOT_S * number, "h1", tuple(place)) for number, place in enumerate(places)]
+        learn(rig, SLOT_S * len(places), steps)
     begun_s = rig.time_s
     errors_m = rig.fly(programme.hover_s, progress=progress)["h1"].reference_error(
         begun_s + programme.settled_s
