@@ -26,15 +26,6 @@ class FittedParameter:
 
 
 @dataclass(frozen=True)
-class PredictionErrors:
-    """Root mean square errors of predictions one second ahead; the horizontal one is per axis."""
-
-    horizontal_m: float
-    height_m: float
-    yaw_rad: float
-
-
-@dataclass(frozen=True)
 class FittedPart:
     """Fit of one of `PARTS`, judged by itself."""
 
@@ -70,16 +61,6 @@ class Identification:
     def parameters(self) -> tuple[FittedParameter, ...]:
         """Fitted numbers of all parts."""
         return tuple(chain.from_iterable(part.parameters for part in self.parts))
-
-    @property
-    def before(self) -> PredictionErrors:
-        """Errors of the old model in the part of the flight that was not fitted."""
-        return PredictionErrors(*(part.before for part in self.parts))
-
-    @property
-    def after(self) -> PredictionErrors:
-        """Errors of the fits there, refused ones included."""
-        return PredictionErrors(*(part.after for part in self.parts))
 
     @property
     def problems(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ Say = Callable[[str], None]
 REACH_M = 0.4
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
+ERRORS = ("horizontal_m", "height_m", "yaw_rad")  # of the parts of a model
 ReachOption = Annotated[
     float | None,
     Option(
@@ -195,7 +196,7 @@ def _own_file(fleet: str | None) -> Path:
 def _text(found: "Identification") -> str:
     from rcopterx.control.identification.fit import AHEAD_S
 
-    before, after = found.before, found.after
+    quantities = (("horizontal", "mm"), ("height", "mm"), ("heading", "mrad"))
     return "\n".join(
         [
             f"{'parameter':22}{'before':>10}{'now':>10}{'+-':>9}  unit",
@@ -204,20 +205,25 @@ def _text(found: "Identification") -> str:
                 for one in found.parameters
             ),
             f"predicted {AHEAD_S:g} s ahead, off by (rms, in flight that was not fitted):",
-            f"  horizontal  {1e3 * before.horizontal_m:6.1f} -> {1e3 * after.horizontal_m:6.1f} mm",
-            f"  height      {1e3 * before.height_m:6.1f} -> {1e3 * after.height_m:6.1f} mm",
-            f"  heading     {1e3 * before.yaw_rad:6.1f} -> {1e3 * after.yaw_rad:6.1f} mrad",
+            *(
+                f"  {name:12}{1e3 * part.before:6.1f} -> {1e3 * part.after:6.1f} {unit}"
+                for (name, unit), part in zip(quantities, found.parts, strict=True)
+            ),
         ]
     )
 
 
 def document_of(vehicle: str, found: "Identification") -> dict[str, Any]:
     """JSON document of an identification."""
+    before, after = zip(*((part.before, part.after) for part in found.parts), strict=True)
     return {
         "vehicle": vehicle,
         "parameters": [asdict(number) for number in found.parameters],
         "offsets": asdict(found.offsets),
-        "one_second_ahead": {"before": asdict(found.before), "after": asdict(found.after)},
+        "one_second_ahead": {
+            "before": dict(zip(ERRORS, before, strict=True)),
+            "after": dict(zip(ERRORS, after, strict=True)),
+        },
         "accepted": list(found.accepted),
         "problems": list(found.problems),
         "remarks": list(found.remarks),

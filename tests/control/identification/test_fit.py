@@ -85,8 +85,9 @@ def test_deviations_cover_the_truth(found: Identification) -> None:
 
 
 def test_predictions_of_flight_that_was_not_fitted_become_better(found: Identification) -> None:
-    assert found.after.yaw_rad < found.before.yaw_rad
-    assert found.after.height_m < found.before.height_m
+    _, height, heading = found.parts
+    assert heading.after < heading.before
+    assert height.after < height.before
 
 
 def test_a_fitted_model_is_more_certain_than_a_type(found: Identification) -> None:
