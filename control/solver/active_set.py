@@ -103,11 +103,20 @@ def set_penalties(p: OptimalControlProblem, a: ActiveSet) -> tuple[bool, bool]:
     return any_active, any_hard
 
 
+OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and of a change of an input
+
+
+@part
+def small(primal: float, dual: float) -> bool:
+    """Whether residuals are those of an optimal plan; they are not where a number is not finite."""
+    return primal < OPTIMAL and 0.0 <= dual < OPTIMAL
+
+
 @compiled(PROBLEM, ACTIVE_SET, FACTOR, FACTOR, FLAG, TRAJECTORIES)
 def iterate_active_set(
     p: OptimalControlProblem, a: ActiveSet, free: Factor, bounded: Factor, factored: bool, plan: Trajectories
-) -> tuple[int, bool, bool, float, float]:
-    """Sweep until the active set stays; return sweeps, whether it did, of `free`, and residuals of the plan.
+) -> tuple[int, bool, bool]:
+    """Sweep until the active set stays; return sweeps, whether the plan is optimal, and `factored`.
 
     `free` and `bounded` are factors without and with active bounds; `factored` if `free` is this problem's.
     """
@@ -124,11 +133,8 @@ def iterate_active_set(
         released = release(p, plan, a) if any_hard else 0
         if update_active_set(p, plan.y, a.side) + released == 0:
             _, primal, dual = quality(p, plan)
-            return sweep, True, factored, primal, dual
-    return MOST_SWEEPS, False, factored, math.inf, math.inf
-
-
-OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and of a change of an input
+            return sweep, small(primal, dual), factored
+    return MOST_SWEEPS, False, factored
 
 
 def rated(
@@ -136,12 +142,7 @@ def rated(
 ) -> Solution:
     """Return a rated plan; `converged`: by the solver's own tolerances; others as of `Solution`."""
     _, primal, dual = quality(p, plan)
-    return Solution(*plan, active, iterations, primal, dual, converged and small(primal, dual))
-
-
-def small(primal: float, dual: float) -> bool:
-    """Whether residuals are those of an optimal plan; they are not where a number is not finite."""
-    return primal < OPTIMAL and 0.0 <= dual < OPTIMAL
+    return Solution(*plan, active, iterations, converged and small(primal, dual))
 
 
 def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:

@@ -55,10 +55,8 @@ class Solution(NamedTuple):
     y: Array  # shape (N, ny)
     active: Array  # shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
     iterations: int  # number of sweeps, or iterations of OSQP
-    primal_residual: float  # largest excess over a hard bound
-    # largest derivative of the cost by an input that no hard bound balances, over the curvature of the cost
-    dual_residual: float
-    optimal: bool  # whether both are small; if not, the plan is the best one known
+    # whether no hard bound is exceeded, and no input could be better; if not, the plan is the best one known
+    optimal: bool
 
 
 PROBLEM: Final[Any] = record(

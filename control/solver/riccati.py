@@ -19,7 +19,6 @@ from rcopterx.control.solver.active_set import (
     iterate_active_set,
     rated,
     rolled_out,
-    small,
     update_active_set,
     within_hard_bounds,
 )
@@ -88,10 +87,10 @@ class RiccatiSolver:
     def _iterate_active_set(self, p: OptimalControlProblem) -> Solution:
         """Sweep until the active set stays."""
         plan, active = empty_plan(p), self._active
-        sweeps, converged, self._factored, primal, dual = iterate_active_set(
+        sweeps, optimal, self._factored = iterate_active_set(
             p, active, self._free, self._bounded, self._factored, plan
         )
-        return Solution(*plan, active.side.copy(), sweeps, primal, dual, converged and small(primal, dual))
+        return Solution(*plan, active.side.copy(), sweeps, optimal)
 
     def _interior_point(
         self, p: OptimalControlProblem, start: Solution, expired: Callable[[], bool]
