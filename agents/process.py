@@ -82,7 +82,7 @@ class Agent:
         self._guard = OscillationGuard(pilot, self.tuning)
         external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8, waking=False)
         publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)
-        self._external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
+        self._external = ExternalControl(pilot, external_inputs, publish_task)
         wake = partial(bus.note, TRAJECTORY_CHECKED)
         following = self.following
         self._requests = RequestHandler(

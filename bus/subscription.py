@@ -31,14 +31,13 @@ class Inbox(Generic[M]):
     """Messages of one channel of one unit; independent of the bus.
 
     It keeps `depth` undecoded payloads with the times of their arrival in `unread`; older ones are dropped
-    and counted as `overrun`. `reason` says why the last message was rejected.
+    and counted as `overrun`.
     """
 
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
         self.channel = channel
         self.unit = unit
         self.key = f"{unit}/{channel.topic}"  # as in `AgentSteps.keys`
-        self.reason = ""
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejected, self._counting = Counter[str](), threading.Lock()
         self._overruns_at = depth if depth > 1 else None
@@ -48,7 +47,7 @@ class Inbox(Generic[M]):
         """Keep a payload for the loop. Called on the receive thread."""
         unread = self.unread
         if len(unread) == self._overruns_at:
-            self._count("overrun")
+            self.reject("overrun")
         unread.append((payload, arrived_s))
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
@@ -65,7 +64,7 @@ class Inbox(Generic[M]):
             try:
                 message = decode(payload, self.channel.message)
             except RejectedError as error:
-                self.reject(error.kind, str(error))
+                self.reject(error.kind)
                 continue
             self._newest = Received(message, arrived_s)
             received.append(self._newest)
@@ -84,12 +83,8 @@ class Inbox(Generic[M]):
             self.drain()
         return self._newest
 
-    def reject(self, kind: str, reason: str) -> None:
+    def reject(self, kind: str) -> None:
         """Count a message that is not acceptable, here or to the reader of the inbox."""
-        self._count(kind)
-        self.reason = reason
-
-    def _count(self, kind: str) -> None:
         with self._counting:
             self._rejected[kind] += 1
 
@@ -184,7 +179,7 @@ class Subscription(Inbox[M]):
     def _on_sample(self, sample: zenoh.Sample) -> None:
         # A message on a wildcard key arrives, too; only messages on exactly this key count.
         if sample.key_expr != self._key:
-            self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
+            self.reject("key")
             return
         self._on_arrival(self, sample.payload.to_bytes())
 

@@ -53,17 +53,14 @@ class ExternalController:
         """Whether nothing has come for longer than the patience."""
         return self._number - self._answered > self._patience
 
-    def answer(self, number: int, inputs: Array) -> str | None:
-        """Accept an answer to task `number`, planned inputs (k, 4); return what is wrong with it."""
-        if number > self._number:
-            return f"task {number} has not been given out yet, the newest is {self._number}"
-        if number <= self._answered:
-            return f"task {number} has been answered or is older than one that has"
+    def answer(self, number: int, inputs: Array) -> bool:
+        """Accept planned inputs (k, 4) for task `number` if none has been answered since; return whether."""
         low, high = self._model.u_min, self._model.u_max
-        if not ((inputs >= low - 1e-9) & (inputs <= high + 1e-9)).all():
-            return f"inputs must be within {low.tolist()} and {high.tolist()}"
+        within = ((inputs >= low - 1e-9) & (inputs <= high + 1e-9)).all()
+        if not (within and self._answered < number <= self._number):
+            return False
         self._answered, self._inputs = number, np.clip(inputs, low, high)
-        return None
+        return True
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle."""
@@ -105,7 +102,6 @@ class ExternalController:
 class ExternalControl:
     """The external program that flies a vehicle, if any; `publish` sends it its tasks."""
 
-    vehicle: str
     pilot: Pilot
     answers: Inbox[ExternalInput]
     publish: Callable[[ControlTask], None]
@@ -148,11 +144,10 @@ class ExternalControl:
         for received in self.answers.drain():
             message = received.message
             if controller is None or message.source != self.client:
-                self.answers.reject("source", f"{message.source} does not control {self.vehicle}")
+                self.answers.reject("source")
                 continue
-            problem = controller.answer(message.number, message.inputs.to_numpy())
-            if problem is not None:
-                self.answers.reject("value", problem)
+            if not controller.answer(message.number, message.inputs.to_numpy()):
+                self.answers.reject("value")
         if controller is None:
             return
         event = self._end_of_control(controller)

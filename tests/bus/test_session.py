@@ -144,7 +144,6 @@ def test_messages_put_on_a_wildcard_key_are_refused_and_counted(
         received = unit.latest()
         assert received is not None
         assert received.message.frame == 1
-    assert key in inbox.reason
 
 
 def test_malformed_messages_from_the_bus_are_counted_and_the_last_good_one_stays(

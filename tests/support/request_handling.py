@@ -71,7 +71,7 @@ class HandlerBench:
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         peers = PeerStatuses("h9", self.statuses, self.clock)
         self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02)
-        external = ExternalControl("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
+        external = ExternalControl(self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
         self.changes = LeaderChanges(
             "h9", SETTINGS.vehicles, SETTINGS.room, self.pilot, self.leaders, peers, self.clock
         )

@@ -35,7 +35,7 @@ class Flight:
         self.plant = Plant(COAXIAL_LAG, start, acting=HOVER)
         self.answers = Inbox(channels.EXTERNAL_INPUT, depth=8)
         self.tasks: list[ControlTask] = []
-        self.external = ExternalControl("h1", self.pilot, self.answers, self.tasks.append)
+        self.external = ExternalControl(self.pilot, self.answers, self.tasks.append)
         self.frame = 0
         self.see()
         self.pilot.note_applied("armed", -1, HOVER)

@@ -43,7 +43,7 @@ def test_an_answer_is_flown_and_the_plan_follows_from_it(controller: ExternalCon
     step(controller)
     assert controller.task is not None
     rows = HOVER + np.array([0.1, -0.1, 0.05, 0.02])
-    assert controller.answer(controller.task.number, rows[None, :]) is None
+    assert controller.answer(controller.task.number, rows[None, :])
     result = controller.step(REST, REFERENCE, HOVER)
     assert result.inputs == pytest.approx(np.tile(rows, (9, 1)))
     assert result.fallback is None
@@ -53,7 +53,7 @@ def test_an_answer_is_flown_and_the_plan_follows_from_it(controller: ExternalCon
 def test_later_rows_are_flown_while_answers_are_late(controller: ExternalController) -> None:
     step(controller)
     rows = HOVER + 0.05 * np.arange(3)[:, None]
-    assert controller.answer(1, rows) is None
+    assert controller.answer(1, rows)
     flown = [step(controller) for _ in range(4)]
     assert flown == [pytest.approx(rows[i]) for i in (0, 1, 2, 2)]
     assert controller.late == 3
@@ -65,7 +65,7 @@ def test_silence_is_noticed_after_the_patience(controller: ExternalController) -
         assert not controller.silent
     step(controller)
     assert controller.silent
-    assert controller.answer(6, HOVER[None, :]) is None
+    assert controller.answer(6, HOVER[None, :])
     assert not controller.silent
 
 
@@ -75,7 +75,7 @@ def test_at_a_lower_rate_rows_and_patience_are_those_of_the_time(
     step(controller)
     assert controller.task is not None
     rows = HOVER + 0.01 * np.arange(9)[:, None]
-    assert controller.answer(controller.task.number, rows) is None
+    assert controller.answer(controller.task.number, rows)
     for passed, silent in ((4, False), (8, False), (12, True)):
         assert controller.silent is silent
         clock.advance(4 * PERIOD_S)
@@ -91,10 +91,10 @@ def test_the_task_tells_the_state_in_which_the_answer_will_act(controller: Exter
     assert len(controller.task.reference.samples) == 10
 
 
-def test_wrong_answers_are_refused_with_the_reason(controller: ExternalController) -> None:
+def test_wrong_answers_are_refused(controller: ExternalController) -> None:
     step(controller)
-    assert "not been given out" in str(controller.answer(2, HOVER[None, :]))
-    assert "within" in str(controller.answer(1, HOVER[None, :] + 2.0))
-    assert "within" in str(controller.answer(1, np.full((1, 4), np.nan)))
-    assert controller.answer(1, HOVER[None, :]) is None
-    assert "has been answered" in str(controller.answer(1, HOVER[None, :]))
+    assert not controller.answer(2, HOVER[None, :])
+    assert not controller.answer(1, HOVER[None, :] + 2.0)
+    assert not controller.answer(1, np.full((1, 4), np.nan))
+    assert controller.answer(1, HOVER[None, :])
+    assert not controller.answer(1, HOVER[None, :])
