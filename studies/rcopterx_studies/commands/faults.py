@@ -56,10 +56,7 @@ class FleetHolder:
         self.interrupts = Interrupts()
 
     def fault_range(self, say: Callable[[str], None], file: Path | None = None) -> "FaultRange":
-        """The fleet of a file, by default the chosen one, ready to take off or in the air.
-
-        `say` shows what happens from now on.
-        """
+        """The fleet of a file, by default the chosen one, on the floor or in the air; `say` shows all."""
         from rcopterx.ground_station.scripting.observer import STARTED_S
         from rcopterx_studies.faults.bench import Bench, copied_fleet
         from rcopterx_studies.faults.flying import FaultRange

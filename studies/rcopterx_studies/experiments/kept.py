@@ -46,10 +46,7 @@ class KeptFlights:
         return label in self._found
 
     def result(self, label: str, flight: partial[Any]) -> Any:
-        """Result of a kept flight, of the type that the function `flight` returns.
-
-        Raises `KeptFlightsError`: the kept result is not of this type.
-        """
+        """Result of a kept flight; `KeptFlightsError` if it is not of the type that `flight` returns."""
         kind = get_type_hints(flight.func)["return"]
         try:
             return msgspec.convert(self._found[label], kind, dec_hook=_array)

@@ -162,10 +162,7 @@ def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:
 
 
 def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> FlightRecording:
-    """Hover a vehicle of which only the type is known, and excite its sticks; returns the excited part.
-
-    Raises `NotIdentifiedError`: the excitation ended early.
-    """
+    """Excite a hovering vehicle of known type; return that part, `NotIdentifiedError` if it ends early."""
     estimator_settings, nominal = {"measured_tilt": measured_tilt}, plant_type(conditions)
     vehicle = RigVehicle(name, nominal, BodyPose(PLACE_M), "cascade", estimator_settings=estimator_settings)
     rig = Rig([vehicle], conditions, seed)

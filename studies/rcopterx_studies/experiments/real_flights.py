@@ -93,10 +93,7 @@ def _places(model: Model | None, estimate: Estimate, sticks: Array, period_s: fl
 
 
 def read_flights(directory: Path) -> tuple[dict[str, FlightRecording], dict[str, str]]:
-    """Read all CSV files of a directory; return flights, and why others cannot be used, by name.
-
-    Raises `RecordingError` for fewer than `FEWEST` flights.
-    """
+    """Read CSV files: flights, why others are unusable; `RecordingError`: fewer than `FEWEST` flights."""
     flights, unusable = {}, {}
     for path in sorted(filter(is_csv, directory.iterdir())):
         name = path.name.partition(".")[0]

@@ -108,10 +108,7 @@ class RigError(ValueError):
 
 
 class Rig:
-    """Vehicles that fly together; within a frame leaders are computed before their followers.
-
-    Raises `RigError`: unknown leader, or a cycle of leaders.
-    """
+    """Vehicles that fly together, leaders first in a frame; `RigError`: unknown leader, cycle of leaders."""
 
     def __init__(
         self,
@@ -178,10 +175,7 @@ class Rig:
     def fly(
         self, duration_s: float, events: Sequence[PilotEvent] = (), progress: Progress | None = None
     ) -> FlightRecord:
-        """Fly on for a while; times of events count from the rig's own time 0.
-
-        Raises `RigError`: a vehicle refused an event.
-        """
+        """Fly on; times of events count from the rig's own time 0, `RigError` if a vehicle refuses one."""
         frames = round(duration_s / PERIOD_S)
         waiting = deque(sorted(events, key=lambda event: event.time_s))
         rows: dict[str, list[tuple[object, ...]]] = {name: [] for name in self._vehicles}
@@ -300,10 +294,7 @@ class Rig:
         return flight
 
     def _without_agent(self, name: str, last: ControlOutput, age: int) -> ControlOutput:
-        """What a transmitter gateway flies: the planned inputs, then those that hold the place.
-
-        `age` is that of the last output in control periods.
-        """
+        """What a gateway flies, `age` periods after the last output: as planned, then holding the place."""
         if age <= len(last.next_inputs):
             return replace(last, input=last.next_inputs[age - 1], sent=None)
         model, motion = self._vehicles[name].model, np.array(self.laboratory.plants[name].motion)

@@ -17,10 +17,7 @@ HORIZON: Final = 50
 
 @dataclass(frozen=True)
 class FlownScheme:
-    """A controller with settings, and the knowledge of its pilot.
-
-    Every scheme uses the extended Kalman filter.
-    """
+    """A controller with settings behind the extended Kalman filter, and the knowledge of its pilot."""
 
     name: str
     title: str

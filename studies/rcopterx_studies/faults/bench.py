@@ -58,10 +58,7 @@ class Bench:
 
     @property
     def launcher(self) -> Launcher:
-        """Launcher of the fleet.
-
-        Raises `NotReachedError`: this program has not started the fleet.
-        """
+        """Launcher of the fleet; `NotReachedError`: this program has not started the fleet."""
         if self.fleet.launcher is None:
             raise NotReachedError("this program did not start the fleet; add --up")
         return self.fleet.launcher
@@ -72,10 +69,7 @@ class Bench:
         return self.launcher.supervisor
 
     def pid(self, process: str) -> int:
-        """Process id.
-
-        Raises `NotReachedError`: the process does not run.
-        """
+        """Process id; `NotReachedError`: the process does not run."""
         known = process in self.supervisor.children
         pid = self.supervisor.pid(process) if known else None
         if pid is None:

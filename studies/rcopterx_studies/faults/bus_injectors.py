@@ -23,10 +23,7 @@ NONSENSE_BYTES: Final = 400
 
 @dataclass(frozen=True)
 class Impaired(PassingFault):
-    """Messages of the gateways and agents are delayed, lost, doubled or reordered.
-
-    `how` and `figure` are a field of `Impairment` and its value.
-    """
+    """Messages are delayed, lost, doubled or reordered; `how`: field of `Impairment`, `figure`: its value."""
 
     how: str
     figure: float

@@ -125,10 +125,7 @@ class FaultRange:
         return row.promise in (Promise.FLIES_ON, Promise.REFUSED) and report["verdict"] == "passed"
 
     def truth(self, name: str) -> LaboratoryVehicle:
-        """Newest true state of a vehicle.
-
-        Raises `NotReachedError`: no state of it has arrived.
-        """
+        """Newest true state of a vehicle; `NotReachedError`: no state of it has arrived."""
         received = self._truth.latest()
         if received is None or name not in received.message.vehicles:
             raise NotReachedError(f"{name}: there is no simulated laboratory")
@@ -166,10 +163,7 @@ class FaultRange:
             raise NotReachedError("processes are started again and again, or there is no spare one")
 
     def wait_until_flown(self) -> None:
-        """Wait until every agent flies its vehicle and every arbiter lets it.
-
-        Raises `NotReachedError`: they do not in time.
-        """
+        """Wait until agents fly all vehicles and arbiters let them; `NotReachedError` if not in time."""
 
         def flown(name: str) -> bool:
             state = self.fleet.state_of(name)

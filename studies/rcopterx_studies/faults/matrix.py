@@ -31,10 +31,7 @@ HEADINGS: Final = (
 
 
 def read_reports(directory: Path) -> dict[str, Report]:
-    """Reports of the rows flown so far, in the order of the table.
-
-    Raises `ValueError`: the file is not a report of fault flights.
-    """
+    """Reports of flown rows in the order of the table; `ValueError`: no report of fault flights."""
     path = directory / REPORT_NAME
     if not path.exists():
         return {}

@@ -42,10 +42,7 @@ def field_from(text: str) -> tuple[str, object]:
 
 
 def read_scenario(path: Path) -> tuple[TimedFault, ...]:
-    """Faults of a scenario file by time: TOML tables `[[fault]]` with `at_s`, `kind` and its fields.
-
-    Raises FleetError.
-    """
+    """Faults of a file by time, `[[fault]]` with `at_s`, `kind` and its fields. Raises FleetError."""
     lines = []
     with errors_at(path):
         document = table_of(text_of(path))

@@ -54,10 +54,7 @@ class SchemePath(NamedTuple):
         return Samples.of(np.vstack((self.position_m, self.velocity_m_s, self.acceleration_m_s2)))
 
     def at(self, times_s: Array) -> tuple[Array, Array, Array]:
-        """Return positions, velocities and accelerations at some times, shape (n, 3) each.
-
-        After the last stage the velocity stays.
-        """
+        """Positions, velocities, accelerations at some times, shape (n, 3); at the end the velocity stays."""
         h, a = self.stage_s, np.vstack((self.acceleration_m_s2, np.zeros(3)))
         v = self.velocity_m_s + h * np.vstack((np.zeros(3), np.cumsum(a[:-1], axis=0)))
         p = self.position_m + np.vstack((np.zeros(3), np.cumsum(h * v[:-1] + h**2 / 2 * a[:-1], axis=0)))
