@@ -34,8 +34,13 @@ from rcopterx.vehicles.state import (
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
 LEVER_ARM_FOUND: Final = "lever_arm_found"  # once in a flight: one that differs from that of the model
-_LEVER_KNOWN_M: Final = 0.003  # standard deviation from which on the lever arm counts as found
-_LEVER_DIFFERS_M: Final = 0.01
+_JUDGED_M: Final = 0.005  # standard deviation from which on the lever arm is judged...
+_FOUND_M: Final = 0.003  # ...and counts as found
+# A lever arm counts if it is lower than that of the model by so much, or higher by so much: errors of the
+# model look like 1 to 2 cm, and one that is taken for higher than it is makes the loop swing.
+_LOWER_M: Final = 0.002
+_HIGHER_M: Final = 0.025
+_DIFFERS_M: Final = 0.01  # by so much the flight so far was one with another lever arm
 
 
 class HorizontalMotion:
@@ -101,12 +106,18 @@ class HorizontalMotion:
             each.expect_noise(noise_m, self.trust.noise_deviation)
             each.correct(pose[:2], usable, yaw_rad)
         if self._seeks_lever and self._from_tilt is not None:
-            self._find_lever(*self._from_tilt.lever_arm_m)
+            self._find_lever(self._from_tilt)
 
-    def _find_lever(self, length_m: float, deviation_m: float) -> None:
-        self._seeks_lever = deviation_m > _LEVER_KNOWN_M
-        if not self._seeks_lever and abs(length_m - self._lever_arm_m) > _LEVER_DIFFERS_M:
-            self.events[LEVER_ARM_FOUND] += 1
+    def _find_lever(self, found: TiltFilter) -> None:
+        """Decide, once it is known well enough, whether the lever arm differs from that of the model."""
+        length_m, deviation_m = found.lever_arm_m
+        higher_m = length_m - self._lever_arm_m
+        if deviation_m <= _JUDGED_M and -_LOWER_M <= higher_m <= _HIGHER_M:
+            found.keep_lever_arm()
+            self._seeks_lever = False
+        elif deviation_m <= _FOUND_M:
+            self.events[LEVER_ARM_FOUND] += abs(higher_m) > _DIFFERS_M
+            self._seeks_lever = False
 
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct the estimate of a standing vehicle; arguments of `correct`."""

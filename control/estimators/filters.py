@@ -352,6 +352,11 @@ class TiltFilter:
         """Forget the offset of the body frame, as the measured tilts were wrong."""
         self._forget(self._offset, _START_OFFSET_RAD)
 
+    def keep_lever_arm(self) -> None:
+        """Keep that of the model from now on."""
+        self._forget(self._lever, 0.0)
+        self.x[self._lever] = self._model.lever_arm_m
+
     def _forget_body(self) -> None:
         """Forget trim, offset and lever arm, as of a new vehicle."""
         self._forget(self._trim, _START_TRIM)
