@@ -34,7 +34,7 @@ from rcopterx.vehicles.state import (
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
 LEVER_ARM_FOUND: Final = "lever_arm_found"  # once in a flight: one that differs from that of the model
-_JUDGED_M: Final = 0.005  # standard deviation from which on the lever arm is judged...
+_JUDGED_M: Final = 0.01  # standard deviation from which on the lever arm is judged...
 _FOUND_M: Final = 0.003  # ...and counts as found
 # A lever arm counts if it is lower than that of the model by so much, or higher by so much: errors of the
 # model look like 1 to 2 cm, and one that is taken for higher than it is makes the loop swing.
