@@ -8,9 +8,10 @@ from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Four, Three
 
 FAREWELL_S = 2.0
-SINKING_S = 0.7  # until a vehicle without poses sinks, and for the drag of its rotor
-LONGEST_DESCENT_S = 3.5
 """For the throttle-low frames at the end, on a busy computer."""
+DESCENT_BEGINS_S = 0.7
+"""Until a vehicle without poses sinks, and for the drag of its rotor."""
+LONGEST_DESCENT_S = 3.5
 
 
 class LimitsError(ValueError):
@@ -213,7 +214,9 @@ class ArbiterLimits:
     def descent_s(self, height_m: float) -> float:
         """Longest descent without poses of a vehicle that was seen at this height over the floor last [s]."""
         falls_s = math.sqrt(2.0 * max(height_m, 0.0) / (self.descend_below_hover * GRAVITY_M_S2))
-        return min(max(self.cut_after_s - self.descend_after_s, falls_s + SINKING_S), LONGEST_DESCENT_S)
+        return min(
+            max(self.cut_after_s - self.descend_after_s, falls_s + DESCENT_BEGINS_S), LONGEST_DESCENT_S
+        )
 
     @property
     def longest_shutdown_s(self) -> float:

@@ -353,9 +353,7 @@ class Arbiter:
             self._landing_since_s = now_s
         self.state = row.target
         self._entered_s = now_s
-        own = self.pose_monitor.own_track
-        seen_m = own.position_m[2] if own is not None and own.position_m is not None else self._floor_m
-        self._descended_s = now_s + self.limits.descent_s(seen_m - self._floor_m)
+        self._descended_s = now_s + self.limits.descent_s(self.pose_monitor.height_m(self._floor_m))
         self.counters[f"entered {row.target}"] += 1
 
     # Output -------------------------------------------------------------------------------------------

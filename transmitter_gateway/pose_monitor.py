@@ -241,6 +241,11 @@ class PoseMonitor:
         stood_at_m = self._stood_at_m
         return otherwise_m if stood_at_m is None or stood_at_m > otherwise_m + STANDING_M else stood_at_m
 
+    def height_m(self, floor_m: float) -> float:
+        """Height above a floor at which the vehicle was seen last; 0 if it never was."""
+        track = self.own_track
+        return 0.0 if track is None or track.position_m is None else track.position_m[2] - floor_m
+
     def own_motion(self, now_s: float, longest_age_s: float) -> Motion | None:
         """How the own vehicle moves; None when its newest believed pose is too old or may be another's."""
         track = self.own_track
