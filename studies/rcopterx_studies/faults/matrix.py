@@ -126,7 +126,8 @@ def _figures(reports: list[Report]) -> str:
     """Largest deviation of vehicles that fly on, and hardest touchdown, of all flights of a row."""
     if not reports:
         return "not flown"
-    *_, off_mm, _, touchdown_m_s = cells(report := worst_of(reports))
+    report = worst_of(reports)
+    *_, off_mm, _, touchdown_m_s = cells(report)
     figures = [f"{off_mm} mm"] * bool(off_mm) + [f"{touchdown_m_s} m/s"] * bool(touchdown_m_s)
     return " ".join(["**failed**"] * (report["verdict"] == "failed") + [", ".join(figures)]).rstrip()
 
