@@ -178,15 +178,12 @@ class TrackerServer:
     def _packets(self, content: FrameContent) -> list[tuple[TrackerLink, bytes]]:
         """Build this frame's packet for every client it is due for and that keeps up."""
         if self.faults.active(faults.Silence) is not None or self.faults.skips():
-            for client in self._clients.values():
-                client.connection.miss(content)
             return []
         unknown = self.faults.active(faults.UnknownObject)
         empty = self.faults.active(faults.EmptyPackets) is not None
         packets = []
         for client in self._clients.values():
             if client.backlog_bytes > MAX_BACKLOG_BYTES:
-                client.connection.miss(content)
                 self.dropped += 1
                 continue
             packet = EMPTY_PACKET if empty else client.connection.publish(content)

@@ -1,8 +1,7 @@
 """Captured frames of the Tracker emulator, and their objects on the wire (Vicon DataStream SDK)."""
 
-import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from rcopterx.vehicles.tuples import Four, Three
@@ -10,22 +9,19 @@ from rcopterx.vicon_gateway import objects as sdk
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
 from rcopterx.vicon_gateway.wire import ObjectType, encode_object
 
-_TRACKER1 = frozenset({100004, 1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29})
-_TRACKER2 = _TRACKER1 | {36, 37, 39}
-_TRACKER3 = _TRACKER2 | {40, 42, 901, 28001}
+_TRACKER1 = frozenset({100004, 1, 2, 5, 7, 8, 9, 23, 26, 28, 29})
+_TRACKER2 = _TRACKER1 | {37, 39}
+_TRACKER3 = _TRACKER2 | {40, 42, 28001}
 
 PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TRACKER2, "tracker3": _TRACKER3}
 """Offered object types by age of the Tracker."""
 
 ROOT_SEGMENT = 1
-_POSES = frozenset({ObjectType.LOCAL_SEGMENTS, ObjectType.GLOBAL_SEGMENTS, ObjectType.LIGHTWEIGHT_SEGMENTS})
+_POSES = frozenset({ObjectType.LOCAL_SEGMENTS, ObjectType.GLOBAL_SEGMENTS})
 _NO_TIMECODE = struct.pack("<4B2H2IB", 0, 0, 0, 0, 0, 0, 0xFFFFFFFF, 0, 0)
 _NO_MARKERS = bytes(4)
 _SCALE = struct.Struct("<II")  # subject, number of its segments with a scale
 _HEALTH = struct.Struct("<Idd")  # subject, marker error [mm], health from 0 to 1
-_LIGHT = struct.Struct("<3I6f")  # subject, segments, segment, translation [mm], rotation vector [rad]
-_Encoded = tuple[Sequence[int] | None, list[bytes]]
-"""Objects of a type, and their subject ids where they belong to subjects."""
 
 
 class TrackedBody(NamedTuple):
@@ -57,30 +53,26 @@ class FrameContent:
         self._rate_hz = rate_hz
         self._bodies = [(subject_ids[body.name], body) for body in frame.bodies]
         self._y_up = y_up
-        self._encoded: dict[int, _Encoded] = {}
+        self._encoded: dict[int, list[bytes]] = {}
 
-    def objects(self, kind: int, allowed: frozenset[int] | None = None) -> list[bytes]:
-        """Return the encoded objects of a type, restricted to these subject ids where a filter names them."""
+    def objects(self, kind: int) -> list[bytes]:
+        """Return the encoded objects of a type."""
         if (encoded := self._encoded.get(kind)) is None:
-            encoded = self._encoded[kind] = self._encode(kind)
-        subjects, data = encoded
-        if allowed is None or subjects is None:
-            return data
-        return [item for subject, item in zip(subjects, data, strict=True) if subject in allowed]
+            encoded = self._encoded[kind] = [encode_object(kind, payload) for payload in self._payloads(kind)]
+        return encoded
 
-    def _encode(self, kind: int) -> _Encoded:
+    def _payloads(self, kind: int) -> list[bytes]:
         if (payload := self._payload_of_stream(kind)) is not None:
-            return None, [encode_object(kind, payload)]
-        bodies = [entry for entry in self._bodies if kind not in _POSES or not entry[1].occluded]
-        payloads = [self._payload_of_subject(kind, subject, body) for subject, body in bodies]
-        return [subject for subject, _ in bodies], [encode_object(kind, payload) for payload in payloads]
+            return [payload]
+        bodies = (entry for entry in self._bodies if kind not in _POSES or not entry[1].occluded)
+        return [self._payload_of_subject(kind, subject, body) for subject, body in bodies]
 
     def _payload_of_stream(self, kind: int) -> bytes | None:
         """Payload of an object of the whole stream; None for a type that belongs to subjects."""
         match kind:
             case ObjectType.STREAM_INFO:
                 return sdk.StreamInfo(round(sdk.SDK_TICKS_PER_SECOND / self._rate_hz)).payload()
-            case ObjectType.FRAME_INFO | ObjectType.HARDWARE_FRAME_INFO:
+            case ObjectType.FRAME_INFO:
                 return sdk.FrameInfo(self.frame.frame).payload()
             case ObjectType.LATENCY_INFO:
                 return sdk.LatencyInfo(self.frame.latency_samples).payload()
@@ -91,7 +83,7 @@ class FrameContent:
             case ObjectType.FRAME_RATE_INFO:
                 # Named numbers, as in LatencyInfo.
                 return sdk.LatencyInfo((("Hardware", self._rate_hz), ("System", self._rate_hz))).payload()
-            case ObjectType.LABELED_RECONS | ObjectType.UNLABELED_RECONS:
+            case ObjectType.UNLABELED_RECONS:
                 return _NO_MARKERS
             case _:
                 return None
@@ -102,8 +94,6 @@ class FrameContent:
                 translation_mm, quaternion = self._pose(body)
                 root = sdk.Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
                 return sdk.GlobalSegments(subject, (root,)).payload()
-            case ObjectType.LIGHTWEIGHT_SEGMENTS:
-                return self._light_segments(subject, body)
             case ObjectType.OBJECT_QUALITY:
                 return sdk.ObjectQuality(subject, body.quality).payload()
             case ObjectType.SUBJECT_INFO:
@@ -125,10 +115,3 @@ class FrameContent:
             return translation_mm, body.quaternion_xyzw
         vector, w = body.quaternion_xyzw[:3], body.quaternion_xyzw[3]
         return y_up_from_z_up(translation_mm), (*y_up_from_z_up(vector), w)
-
-    def _light_segments(self, subject: int, body: TrackedBody) -> bytes:
-        translation_mm, (x, y, z, w) = self._pose(body)
-        sine = math.sqrt(x * x + y * y + z * z)
-        # Near identity the angle over the sine of its half tends to two.
-        factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-        return _LIGHT.pack(subject, 1, ROOT_SEGMENT, *translation_mm, x * factor, y * factor, z * factor)

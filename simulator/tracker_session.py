@@ -9,9 +9,8 @@ from rcopterx.vicon_gateway.wire import STATIC_TYPES, ObjectType, PacketReader, 
 
 EMPTY_PACKET = encode_packet()
 MAX_REQUEST_BYTES = 64 * 1024
-MAX_OWED_FRAMES = 1_000_000
 
-_SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 36, 39, 8, 9, 901, 6, 7)
+_SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 39, 8, 9, 7)
 
 
 class TrackerConnection:
@@ -22,14 +21,9 @@ class TrackerConnection:
         self.selection: frozenset[int] | None = None
         self._kinds: tuple[int, ...] = ()
         self.streaming = False
-        self.owed_next = 0
-        self.owed_latest = 0
         self.answers_pings = True
-        self._filter: Mapping[int, frozenset[int]] = {}
         self._reader = PacketReader(MAX_REQUEST_BYTES)
         self._sent: dict[int, list[bytes]] = {}
-        self._latest: FrameContent | None = None
-        self._latest_sent = False
 
     def greeting(self) -> bytes:
         """Return the first packet of the server: its offer."""
@@ -42,24 +36,15 @@ class TrackerConnection:
         while (body := self._reader.next_body()) is not None:
             for item in sdk.decode_body(body):
                 replies += self._handle(item)
-        if self.owed_latest and self.selection and self._latest is not None and not self._latest_sent:
-            replies.append(self._frame_packet(self._latest))
         return replies
 
     def publish(self, content: FrameContent) -> bytes | None:
         """Return the packet of a captured frame, None when it is not due."""
-        self._latest, self._latest_sent = content, False
         if self.selection is None:
             return None
         if not self.selection:
             return EMPTY_PACKET  # keeps the SDK's reader going, counts as nothing
-        if self.streaming or self.owed_next or self.owed_latest:
-            return self._frame_packet(content)
-        return None
-
-    def miss(self, content: FrameContent) -> None:
-        """Note a captured frame that cannot be sent because the client does not read."""
-        self._latest, self._latest_sent = content, False
+        return self._frame_packet(content) if self.streaming else None
 
     def _handle(self, item: sdk.WireObject) -> list[bytes]:
         match item:
@@ -69,25 +54,13 @@ class TrackerConnection:
                 self._sent = {kind: sent for kind, sent in self._sent.items() if kind in self.selection}
             case sdk.RequestFrame(streaming):
                 self.streaming = streaming
-                self.owed_latest = 0 if streaming else min(self.owed_latest + 1, MAX_OWED_FRAMES)
-            case sdk.RequestNextFrame(number):
-                self.streaming = False
-                self.owed_next = min(self.owed_next + number, MAX_OWED_FRAMES)
-            case sdk.Filter(allowed):
-                self._filter = allowed
             case sdk.Ping() if self.answers_pings:
                 return [sdk.packet(item)]
         return []
 
     def _frame_packet(self, content: FrameContent) -> bytes:
         assert self.selection is not None
-        self._latest_sent = True
-        if self.owed_latest:
-            self.owed_latest -= 1
-        elif self.owed_next:
-            self.owed_next -= 1
-        allowed = self._filter.get
-        objects = {kind: content.objects(kind, allowed(kind)) for kind in self._kinds}
+        objects = {kind: content.objects(kind) for kind in self._kinds}
         unchanged = self._unchanged(objects)
         self._sent = objects
         present = [[] if kind in unchanged else items for kind, items in objects.items()]

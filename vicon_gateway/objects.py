@@ -146,16 +146,9 @@ class ObjectEnums(WireObject):
 
 @wire_object(ObjectType.REQUEST_FRAME, streaming=number("?"))
 class RequestFrame(WireObject):
-    """Streaming: push every frame from now on. Otherwise: stop pushing and send one frame."""
+    """Streaming: push every frame from now on; no other mode is used here."""
 
     streaming: bool
-
-
-@wire_object(ObjectType.REQUEST_NEXT_FRAME, number=U32)
-class RequestNextFrame(WireObject):
-    """Ask for the next `number` frames, each as soon as it is captured (SDK 1.9 and later)."""
-
-    number: int = 1
 
 
 @wire_object(ObjectType.CONTENTS, counts=mapping(U32, U32), unchanged=U32_SET)
@@ -171,13 +164,6 @@ class Ping(WireObject):
     """Echoed by the server at once, in a packet of its own."""
 
     number: int
-
-
-@wire_object(ObjectType.FILTER, allowed=mapping(U32, U32_SET))
-class Filter(WireObject):
-    """For the named types send only objects of these subject (or camera) ids."""
-
-    allowed: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
 @wire_object(ObjectType.STREAM_INFO, period_ticks=number("q"))

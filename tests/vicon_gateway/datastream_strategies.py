@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
     Contents,
-    Filter,
     FrameInfo,
     GlobalSegments,
     LatencyInfo,
@@ -15,7 +14,6 @@ from rcopterx.vicon_gateway.objects import (
     ObjectQuality,
     Ping,
     RequestFrame,
-    RequestNextFrame,
     Segment,
     SegmentInfo,
     StreamInfo,
@@ -47,10 +45,8 @@ subject_infos = st.builds(
 wire_objects: st.SearchStrategy[WireObject] = st.one_of(
     st.builds(ObjectEnums, id_sets),
     st.builds(RequestFrame, st.booleans()),
-    st.builds(RequestNextFrame, u32),
     st.builds(Contents, st.dictionaries(u32, u32, max_size=6), id_sets),
     st.builds(Ping, u64),
-    st.builds(Filter, st.dictionaries(u32, id_sets, max_size=4)),
     st.builds(StreamInfo, i64),
     subject_infos,
     st.builds(FrameInfo, u32),

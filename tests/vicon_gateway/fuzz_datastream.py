@@ -22,11 +22,9 @@ from rcopterx.simulator.tracker_session import TrackerConnection
 from rcopterx.vicon_gateway.datastream import DataStreamSession
 from rcopterx.vicon_gateway.frame import CapturedFrame
 from rcopterx.vicon_gateway.objects import (
-    Filter,
     ObjectEnums,
     Ping,
     RequestFrame,
-    RequestNextFrame,
     decode_body,
     decode_object,
     packet,
@@ -71,8 +69,7 @@ def client_streams() -> list[bytes]:
     selection = ObjectEnums(frozenset({1, 2, 5, 9, 100004}))
     return [
         packet(selection, RequestFrame(streaming=True)) + packet(Ping(1)) + packet(Ping(2)),
-        packet(RequestFrame(streaming=False)) + packet(selection) + packet(RequestNextFrame(3)),
-        packet(Filter({9: frozenset({1, 2}), 8: frozenset()}), selection),
+        packet(RequestFrame(streaming=False)) + packet(selection),
     ]
 
 

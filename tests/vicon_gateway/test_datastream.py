@@ -26,9 +26,9 @@ from rcopterx.vicon_gateway.objects import (
     packet,
 )
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from rcopterx.vicon_gateway.wire import ObjectType, WireError, encode_object, encode_packet
+from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
 
-KEEP_ALIVE = encode_packet(encode_object(ObjectType.KEEP_ALIVE, b""))
+KEEP_ALIVE = encode_packet(encode_object(100003, b""))  # type numbers that are not known are skipped
 
 FULL_OFFER = frozenset({1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29, 36, 37, 39, 40, 42, 901, 28001, 100004})
 SELECTED = Contents({1: 0, 2: 0, 5: 1, 9: 0, 26: 0}, frozenset({1, 2}))
