@@ -1,7 +1,6 @@
-"""Stability margins of the vehicles of a fleet; as a program, `configured_warnings` of a snapshot."""
+"""Stability margins of the vehicles of a fleet."""
 
 import math
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
@@ -19,8 +18,6 @@ from rcopterx.control.margins.loop import (
     robustness,
 )
 from rcopterx.deploy.roles.agent import configured
-from rcopterx.deploy.roles.run import end_with_parent
-from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetFile, errors_at
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -109,11 +106,6 @@ def _at_least(value: float, limit: float) -> str:
     return f"{value:.2f}" if value * _NEARLY > limit else "any"
 
 
-def configured_warnings(file: FleetFile) -> list[str]:
-    """A line for every axis below the rule, as a fleet file configures its vehicles."""
-    return [line for name in file.vehicles for line in _warnings(file, name, configured(file, name))]
-
-
 def flying_warnings(fleet: Fleet) -> list[str]:
     """A line for every axis below the rule, as a running fleet is tuned and identified now."""
     return [
@@ -147,9 +139,3 @@ def unknown_loops(configuration: Configuration) -> str | None:
         return None
     flown = f"{configuration.controller} with {configuration.estimator}"
     return f"margins are known for {DEFAULT_CONTROLLER} with {DEFAULT_ESTIMATOR}, not for {flown}"
-
-
-if __name__ == "__main__":
-    end_with_parent()
-    for warning in configured_warnings(snapshot_of(sys.stdin.buffer.read())):
-        print(warning)

@@ -149,20 +149,12 @@ def up(
     If the daemons of its hosts run (rcopterx host), they start the fleet, from any computer; without --host
     the fleet then flies on if this program dies.
     """
-    from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
-
     file = fleet_file(fleet, speed, lockstep)
     if host is None and _by_daemons(file, without or (), watchdog=watchdog, record=record):
         return
     with interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts):
-        lines: deque[str] = deque()
-
-        def warn() -> None:
-            lines.extend(f"warning: {line}" for line in warnings_apart(running.file))
-
-        threading.Thread(target=warn, name="margins", daemon=True).start()
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
-        show_fleet(running, interrupts, lines)
+        show_fleet(running, interrupts, deque())
 
 
 def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, record: bool) -> bool:

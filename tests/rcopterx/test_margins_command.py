@@ -1,4 +1,4 @@
-"""Promises of `margins`, and of the warnings that `up` and `check` take from it."""
+"""Promises of `margins`, and of the notes that `check` takes from it."""
 
 import json
 from dataclasses import asdict
@@ -14,8 +14,6 @@ from rcopterx.command_line import app
 from rcopterx.control.controllers.cascade.weights import default_weights
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
-from rcopterx.ground_station.terminal.margins import configured_warnings
 from rcopterx.vehicles.model import IDENTIFIED, with_parameters
 
 LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 80.0, 100.0]\n"
@@ -60,7 +58,6 @@ def test_of_other_controllers_margins_are_not_known(tmp_path: Path) -> None:
     result = run("margins", path, "h2")
     assert result.exit_code == 0
     assert "not for pid with extended_kalman" in result.output
-    assert configured_warnings(load_fleet(Path(path))) == []
 
 
 @pytest.mark.parametrize(
@@ -80,29 +77,6 @@ def test_what_cannot_be_computed_is_refused_with_the_reason(
     result = run("margins", fleet(tmp_path, more), vehicle)
     assert result.exit_code == 2
     assert reason in result.stderr
-
-
-def test_a_fleet_is_warned_before_it_flies_of_vehicles_below_the_rule_only(tmp_path: Path) -> None:
-    (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path, LOOSE))))
-    assert warning.startswith("h2: margins of horizontal below the rule: gain up, delay, corners")
-
-
-def test_margins_that_cannot_be_told_are_not_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.encoded", lambda _: b"no snapshot")
-    (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path))))
-    assert warning.startswith("margins are not known: ")
-
-
-def test_margins_are_not_known_where_no_process_can_be_started(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(_: list[str]) -> None:
-        raise OSError("Too many open files")
-
-    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.start_in_background", refused)
-    assert warnings_apart(load_fleet(Path(fleet(tmp_path)))) == ["margins are not known: Too many open files"]
 
 
 def test_check_tells_of_weights_that_were_tuned_below_the_rule(

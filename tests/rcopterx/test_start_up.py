@@ -66,7 +66,6 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
     [
         "ground_station.acceptance.demonstration",
         "ground_station.scripting.launched",
-        "ground_station.terminal.margin_warnings",
         "commands.new_lab, rcopterx.deploy.new_laboratory",
         "ground_station.report.logged_flight",
     ],
