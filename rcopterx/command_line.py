@@ -32,8 +32,6 @@ COMMANDS: Final = {
     ),
 }  # fmt: skip
 """Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""
-WORDS: Final = {("fly", "--faults"): "faults", ("import", "skybrush"): "import-skybrush"}
-"""Commands of `rcopterx-studies` by a command of the product and a word after it."""
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
 
 
@@ -80,13 +78,6 @@ class Commands(TyperGroup):
         if found is None and (cmd_name in STUDIES or cmd_name in added_commands()):
             found = added_command(cmd_name)
         return found
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """See `Group.resolve_command`; `WORDS` name commands as well."""
-        for (name, word), command in WORDS.items():
-            if args[0] == name and word in args:
-                args = [command, *(each for each in args[1:] if each != word)]
-        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """See `Group.invoke`."""

@@ -29,8 +29,6 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["replay-tracker", "a.raw"], "replay-tracker"),
         (["bench", "solver", "--json"], "bench"),
         (["faults", "--list"], "faults"),
-        (["fly", "--faults", "--up"], "faults"),
-        (["import", "skybrush", "a.skyc", "a.toml"], "import-skybrush"),
         (["search", "--hours", "1"], "search"),
         (["import-skybrush", "a.skyc", "a.toml"], "import-skybrush"),
         (["new-plugin", "controller", "mine"], "new-plugin"),
