@@ -35,9 +35,7 @@ class RadioLink(Reception):
             return b""
         answers = self.module.advance(now_s)
         for packet in self.module.take_packets():
-            if self.receiver.receive(packet):
-                self.module.receiver_answered(packet.time_s)
-                answers += self.module.advance(now_s)
+            self.receiver.receive(packet)
             self.note_output(packet.time_s)
         self.note_output(now_s)
         return answers

@@ -132,12 +132,6 @@ class DsmpModule(FreeRunningModule):
     def _binding(self) -> bool:
         return self._setup is not None and bool(self._setup[2] & BIND_FLAG)
 
-    def receiver_answered(self, now_s: float) -> None:  # noqa: ARG002 - the interface gives the time
-        """Report the bind result."""
-        if self._binding:
-            answer = bytes((dsmp.START, dsmp.BIND_RESULT, 0, 0, 6, 1))
-            self._answers += answer.ljust(dsmp.BIND_RESULT_LENGTH, b"\0")
-
     def _packet(self, now_s: float) -> AirPacket:
         model = self._setup[5] if self._setup is not None else 0
         weak = self._setup is not None and self._setup[3] <= dsmp.RANGE_CHECK_POWER

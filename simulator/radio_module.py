@@ -142,9 +142,6 @@ class RadioModule(ABC):
     def _timers(self) -> list[Timer]:
         """Next times at which the module acts by itself, and its actions."""
 
-    def receiver_answered(self, now_s: float) -> None:  # noqa: B027 - most modules do not listen
-        """Receive the bind answer of a receiver."""
-
     def feed(self, data: bytes, now_s: float) -> None:
         """Take bytes put on the line at `now_s`."""
         self._input.feed(data, now_s)

@@ -24,7 +24,7 @@ SECOND_COPY_S = 0.00401  # every packet is sent twice, on two radio channels
 BIND_START_S = 0.13
 BIND_SLOT_S = 0.01
 BIND_PACKETS = 181
-BIND_SLOTS = 603  # packets, then listening for the receiver's answer
+BIND_SLOTS = 603  # packets, then listening for an answer, which receivers of DSM2 do not send
 PACKETS_AFTER_ABORT = 3
 
 EU_NAMES = ("--->", "--->", "X 1F", "X 2F")  # sub-protocols that an EU build refuses begin with `--`
@@ -158,16 +158,6 @@ class MultiModule(RadioModule):
             self._bind_slot = max(self._bind_slot, BIND_PACKETS - PACKETS_AFTER_ABORT)
         self._bind_bit = bind
 
-    def receiver_answered(self, now_s: float) -> None:
-        """End binding: normal transmission resumes at once."""
-        if self._bind_slot is not None and self._bind_slot >= BIND_PACKETS:
-            self._answers += b"MP\x05\x0a" + bytes((0xED, 0xCB, 0xA9, 0x84, 1, 7, 1, 0, 4, 0x5E))
-            self._end_bind(now_s)
-
-    def _end_bind(self, now_s: float) -> None:
-        self._bind_slot, self._next_slot_s = None, math.inf
-        self._next_rf_s = now_s
-
     # Radio side ---------------------------------------------------------------------------------------
 
     def _timers(self) -> list[Timer]:
@@ -244,7 +234,7 @@ class MultiModule(RadioModule):
             self._next_slot_s = math.inf
             return
         if slot >= BIND_SLOTS:
-            self._end_bind(now_s)
+            self._bind_slot, self._next_slot_s, self._next_rf_s = None, math.inf, now_s
             return
         if slot < BIND_PACKETS and self._valid() and self._frame is not None:
             self._packets.append(AirPacket(now_s, self.rf_channels, self._frame.rx_num, (), bind=True))

@@ -39,13 +39,12 @@ class Receiver:
         self._last_packet_s = -math.inf
         self._found: tuple[int, float] | None = None
 
-    def receive(self, packet: AirPacket) -> bool:
-        """Take a packet; return whether the receiver answers, as only newer ones do while they are bound."""
+    def receive(self, packet: AirPacket) -> None:
+        """Take a packet; a receiver of DSM2 answers none."""
         addressed = not packet.bind and packet.model_match == self.model_match
         if addressed and (packet.rf_channels == self._linked_to or self._find(packet)):
             self._last_packet_s = packet.time_s
             self._pulses = (*packet.pulses_us, *self._pulses[len(packet.pulses_us) :])
-        return False
 
     def _find(self, packet: AirPacket) -> bool:
         """Search on new radio channels; the search starts when the hold of the old link is over."""

@@ -63,7 +63,7 @@ class Laboratory:
         self.path.write_text(FLEET.replace("PROTOCOL", protocol))
         file = load_fleet(self.path)
         device = serial_path("radio-h2", run_directory(file.name, None))
-        self.receiver = HandheldReceiver(2, connect_s=0.0, answers_bind=True)
+        self.receiver = HandheldReceiver(2, connect_s=0.0)
         module = module_of(SimulatedRadio(protocol_of(file, "h2"), 2), time.monotonic())
         self.radio = RadioPty(device, RadioLink(module, self.receiver))
         self.protocol = protocol_of(file, "h2")

@@ -32,16 +32,6 @@ def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
     assert receiver.state(bench.now_s) is ReceiverState.LINKED
 
 
-def test_an_answering_receiver_ends_the_bind_early() -> None:
-    receiver = HandheldReceiver(None, connect_s=0.0, answers_bind=True)
-    receiver.enter_bind_mode()
-    bench = booted(receiver)
-    bench.answers = b""
-    bench.run(2.2, frame([1100], bind=True))
-    assert not bench.module.binding
-    assert b"MP\x05" in bench.answers
-
-
 def test_status_shows_the_end_of_a_bind_up_to_half_a_second_late() -> None:
     bench = booted()
     start_s = bench.now_s

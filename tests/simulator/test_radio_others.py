@@ -123,16 +123,6 @@ def test_board_binds_only_when_asked_in_its_first_frame() -> None:
     assert late.run(1.0, [1100.0]).state is ReceiverState.LINKED
 
 
-def test_dsmp_bind_result_ends_the_bind() -> None:
-    receiver = HandheldReceiver(None, connect_s=0.0, answers_bind=True)
-    receiver.enter_bind_mode()
-    bench = Bench(DsmpModule(), DsmpProtocol(DsmpSettings(model=3)), receiver)
-    bench.run(1.5, [1100.0], FrameFlags(bind=True))
-    assert receiver.model_match == 3
-    assert not bench.protocol.status(bench.now_s).binding
-    assert bench.run(1.0, [1100.0]).state is ReceiverState.LINKED
-
-
 def test_dsmp_reports_its_firmware_and_carries_11_bits() -> None:
     bench = Bench(DsmpModule(firmware=2), DsmpProtocol(DsmpSettings(model=3, eleven_bit=True)))
     output = bench.run(1.5)

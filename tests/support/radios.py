@@ -11,19 +11,17 @@ STORE_AFTER_BIND_S = 5.0
 
 
 class HandheldReceiver(Receiver):
-    """A receiver at hand; `answers_bind`: newer ones answer a bind, old DSM2 ones do not."""
+    """A receiver at hand."""
 
     def __init__(
         self,
         model_match: int | None,
         *,
         connect_s: float = 2.5,
-        answers_bind: bool = False,
         in_range_check_reach: bool = True,
     ) -> None:
         self.in_range_check_reach = in_range_check_reach
         self.binding = False
-        self._answers_bind = answers_bind
         self._failsafe_throttle_us = FAILSAFE_THROTTLE_US
         super().__init__(model_match, connect_s=connect_s)
 
@@ -38,25 +36,23 @@ class HandheldReceiver(Receiver):
         self.power_cycle()
         self.binding = True
 
-    def receive(self, packet: AirPacket) -> bool:
+    def receive(self, packet: AirPacket) -> None:
         if packet.weak and not self.in_range_check_reach:
-            return False
+            return
         if packet.bind:
-            return self._receive_bind(packet)
-        if not self.binding:
+            self._receive_bind(packet)
+        elif not self.binding:
             super().receive(packet)
             if self._last_packet_s == packet.time_s:
                 self._store_failsafe(packet)
-        return False
 
-    def _receive_bind(self, packet: AirPacket) -> bool:
+    def _receive_bind(self, packet: AirPacket) -> None:
         if self.binding:
             self._bind_packets += 1
             if self._bind_packets >= BIND_PACKETS_NEEDED:
                 self.binding = False
                 self.model_match = packet.model_match
                 self._store_until_s = math.inf
-        return self._answers_bind and not self.binding and self._bind_packets > 0
 
     def _store_failsafe(self, packet: AirPacket) -> None:
         if self._store_until_s == math.inf:
