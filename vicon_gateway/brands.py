@@ -126,11 +126,6 @@ class _Child:
         self._poller = select.poll()
         self._poller.register(self._pipe, select.POLLIN)
 
-    @property
-    def pid(self) -> int:
-        """Process id."""
-        return self._process.pid
-
     def read(self, timeout_s: float) -> list[Seen]:
         """Wait for messages and return all that are there; raises `_ChildError` when none will come."""
         self._poller.poll(math.ceil(timeout_s * 1000.0))
@@ -187,11 +182,6 @@ class BrandClient(FrameClient):
         self._period_s = 1.0 / settings.rate_hz
         self._child: _Child | None = None
         self._subjects: dict[str, None] = {}
-
-    @property
-    def child_pid(self) -> int | None:
-        """Process id of the child, None while there is none."""
-        return None if self._child is None else self._child.pid
 
     def close(self) -> None:
         """End the child; `next_frame` returns None from now on."""
