@@ -9,7 +9,7 @@ Blade mCX2's.
 
 import cmath
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -32,10 +32,7 @@ class Rotors(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class HelicopterParameters:
-    """Parameters of one helicopter; SI units, sticks as fractions of full stick.
-
-    Raises `ValueError` for a number that is not finite or out of its range; the message begins with its name.
-    """
+    """Parameters of one helicopter; SI units, sticks as fractions of full stick."""
 
     size: float  # time scale against the CoaX; the other numbers are those of this size
     mass_kg: float
@@ -65,26 +62,6 @@ class HelicopterParameters:
     ground_effect: float  # fraction by which the thrust is larger on the floor
     ground_effect_height_m: float  # height over which the ground effect decays by e
     yaw_hold_per_s: float = 0.0  # yaw rate that the gyro asks for per turn that it missed: heading hold
-
-    def __post_init__(self) -> None:
-        offsets = ("trim", "phase_per_speed_s", "phase_at_rest_rad", "marker_roll_rad", "marker_pitch_rad")
-        not_negative = (
-            "servo_step", "ground_effect", "added_damping", "drag_per_s", "flapping_rad_s_m", "yaw_hold_per_s"
-        )  # fmt: skip
-        for field in fields(self):
-            value = getattr(self, field.name)
-            for number in value if isinstance(value, tuple) else (value,):
-                if not math.isfinite(number):
-                    raise ValueError(f"{field.name}: {value} is not finite")
-                if field.name in not_negative and number < 0:
-                    raise ValueError(f"{field.name}: {value} is negative")
-                if field.name not in (*offsets, *not_negative) and number <= 0:
-                    raise ValueError(f"{field.name}: {value} is not above 0")
-        fastest_s = min(*self.servo_lag_s, *self.rotor_lag_s)
-        if fastest_s < 0.01:
-            raise ValueError(
-                f"servo_lag_s: a lag of {fastest_s} s is too fast for the integrator; at least 0.01"
-            )
 
     @classmethod
     def nominal(cls, size: float = NOMINAL_SIZE) -> Self:

@@ -1,11 +1,8 @@
 """Promises of the family of helicopters."""
 
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 
@@ -46,20 +43,3 @@ def test_fast_modes_and_plateaus_of_the_family_are_those_that_controllers_must_c
     assert 2.25 < plateaus.max() <= 2.3
     coupling = np.degrees([abs(np.angle(vehicle.plateau_per_swash)) for vehicle in DRAWN])
     assert 2.0 < coupling.min() < coupling.max() < 20.0
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("mass_kg", 0.0),
-        ("inertia_kg_m2", (1.0, -1.0, 1.0)),
-        ("servo_lag_s", (0.001, 0.03)),
-        ("added_damping", -0.1),
-        ("trim", (math.nan, 0.0, 0.0, 0.0)),
-        ("rotor_lag_s", (math.inf, 0.1)),
-    ],
-)
-def test_parameters_that_no_helicopter_has_are_refused(name: str, value: Any) -> None:
-    expected = "servo_lag_s" if name == "servo_lag_s" else name
-    with pytest.raises(ValueError, match=f"^{expected}"):
-        replace(HelicopterParameters.nominal(), **{name: value})
