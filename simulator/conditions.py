@@ -1,8 +1,12 @@
 """How real the simulated laboratory is: every switch and number in one validated object, with presets."""
 
-from dataclasses import dataclass, replace
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
+
+import msgspec
 
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -25,7 +29,7 @@ _RANGES: Final = {
 class Conditions:
     """Differences of the simulated laboratory from equation (1); zero switches an effect off.
 
-    The defaults are the `ideal` preset: vehicles behave exactly as their models, lag and delay included.
+    The defaults are the preset `ideal`: vehicles behave exactly as their models, lag and delay included.
     Raises `ValueError` for a number that is not finite or out of range; the message names the field and what
     is allowed.
     """
@@ -115,59 +119,13 @@ def _require_between(name: str, value: float, low: float, high: float) -> None:
         raise ValueError(f"{name}: {value!r} is not a number between {low:g} and {high:g}")
 
 
-IDEAL: Final = Conditions()
-"""Vehicles are their models: nominal lag and delay, no disturbance, no noise, no mismatch."""
+def _presets() -> dict[str, Conditions]:
+    found: dict[str, Conditions] = {}
+    for name, table in tomllib.loads((files(__package__) / "presets.toml").read_text("utf-8")).items():
+        like = found[table.pop("like")] if "like" in table else Conditions()
+        found[name] = msgspec.convert(msgspec.to_builtins(like) | table, Conditions)
+    return found
 
-LABORATORY: Final = Conditions(
-    turbulence_rms=(0.15, 0.15, 0.1, 0.5),
-    lag_mismatch=0.25,
-    parameter_mismatch=0.08,
-    trim_offset=0.02,
-    position_noise_m=0.0003,
-    angle_noise_rad=0.002,
-)
-"""Turbulence, noise, and vehicles of equation (1) with mismatch of b, k and lags, and trim."""
 
-HELICOPTER: Final = replace(
-    LABORATORY,
-    coaxial_plant="helicopter",
-    battery_sag=0.15,
-    downwash_m_s2=2.5,
-    walls=True,
-    radio_period_s=0.022,
-    dropout_fraction=0.001,
-    substep_s=0.004,
-)
-"""Weather of the laboratory, and coaxial vehicles that are helicopters: each the middle of their family."""
-
-HELICOPTERS: Final = replace(HELICOPTER, coaxial_plant="drawn_helicopter")
-"""The same with coaxial vehicles drawn from the family, by seed and name."""
-
-CRAZYFLIES: Final = replace(HELICOPTERS, attitude_plant="drone_models:drawn", radio_period_s=0.0)
-"""The same with Crazyflies drawn around the identified ones, whose radio sends commands at once."""
-
-# Measured in eleven flights of a Crazyflie 2.1 (NanoBench, docs/real_flights.md): noise from third
-# differences of the poses at 100 Hz; draught by `rcopterx experiment real-flights`; a battery that loses
-# 0.27 V in a minute, and 12 % of the thrust of a command with each volt.
-VICON_CRAZYFLIE: Final = replace(
-    CRAZYFLIES,
-    turbulence_rms=(0.13, 0.13, 0.1, 0.5),
-    turbulence_correlation_s=0.15,
-    position_noise_m=0.00003,
-    angle_noise_rad=0.001,
-    battery_endurance_s=270.0,
-    dropout_fraction=0.0006,
-)
-"""Crazyflies in the room, under the Tracker and with the battery of real flights."""
-
-PRESETS: Final = MappingProxyType(
-    {
-        "ideal": IDEAL,
-        "laboratory": LABORATORY,
-        "helicopter": HELICOPTER,
-        "helicopters": HELICOPTERS,
-        "crazyflies": CRAZYFLIES,
-        "vicon_crazyflie": VICON_CRAZYFLIE,
-    }
-)
-"""Conditions by name."""
+PRESETS: Final = MappingProxyType(_presets())
+"""Conditions by name, from `presets.toml`."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTERS
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import HELICOPTERS, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle

@@ -5,8 +5,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from support.arena_with_processes import fly_with_processes
+from support.conditions import HELICOPTERS
 
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.arena.flying import arena_scheme, fly_task
 from rcopterx_studies.arena.tasks import TASKS
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import LABORATORY
 
-from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.disturbance import (
     NOISE,
     TURBULENCE,

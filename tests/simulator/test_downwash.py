@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import HELICOPTER, IDEAL
 from support.vehicle_types import COAXIAL, TYPES
 
-from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.laboratory import Laboratory, wake_below
 from rcopterx.simulator.plant import STILL, BodyPose
 

@@ -4,12 +4,12 @@ import struct
 from dataclasses import replace
 
 import pytest
+from support.conditions import IDEAL
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.set_points import AttitudeSetPoint
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyflie_supervisor import (
     BLOCKED_S,

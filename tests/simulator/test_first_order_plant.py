@@ -8,9 +8,9 @@ import pytest
 import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import IDEAL
 from support.vehicle_types import QUADROTOR
 
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.first_order_plant import FirstOrderPlant, thrust_acceleration, tilt_limit_rad
 from rcopterx.simulator.plant import BodyPose, PlantFaults
 

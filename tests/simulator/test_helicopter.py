@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from support.conditions import HELICOPTER, HELICOPTERS, IDEAL
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import Helicopter, Servo, helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters, Rotors
 from rcopterx.simulator.plant import BodyPose, PlantFaults

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import HELICOPTER
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import HELICOPTER, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_dynamics import Controls, airframe_of, step, swash_target

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.conditions import IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
-from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose
 

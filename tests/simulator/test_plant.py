@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from support.conditions import IDEAL, LABORATORY
 from support.equation_one import motion_derivative
 from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
-from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.vehicles.model import Model

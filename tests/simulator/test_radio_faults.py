@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import IDEAL
 from support.vehicle_types import COAXIAL
 
 from rcopterx.radios.registry import create_protocol
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose, Plant

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from support.conditions import IDEAL
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.radios.calibration import ArmingChannel, Calibration, SwitchChannel
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.room import SimulatedRoom
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle

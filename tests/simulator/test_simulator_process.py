@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from support.conditions import IDEAL
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.bus.host_messages import LaboratoryState
@@ -16,7 +17,6 @@ from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.dsm2_serial import Dsm2Settings
 from rcopterx.radios.protocol import SerialLine
 from rcopterx.radios.registry import create_protocol
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.simulator.process import LONGEST_STEP_S, Simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings

@@ -4,9 +4,9 @@ from contextlib import nullcontext
 
 import pytest
 from msgspec import structs
+from support.conditions import HELICOPTER, IDEAL
 from support.vehicle_types import COAXIAL, QUADROTOR
 
-from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose, Plant, PlantFaults

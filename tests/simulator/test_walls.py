@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import HELICOPTER, HELICOPTERS, IDEAL
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import (
     ROTOR_RADIUS_M,
     Laboratory,

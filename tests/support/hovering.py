@@ -11,9 +11,9 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.requests import Tune
 from rcopterx.control.interfaces import Measurement
-from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose
+from support.conditions import LABORATORY
 from support.vehicle_types import COAXIAL_LAG
 from support.waiting import wait_for
 

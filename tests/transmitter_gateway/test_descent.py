@@ -1,10 +1,10 @@
 """Descents of the arbiter, flown: vehicles that are not as calibrated land gently all the same."""
 
 from arbiter_bench import PERIOD_S, U_HOVER, Bench
+from support.conditions import LABORATORY
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import Position, State

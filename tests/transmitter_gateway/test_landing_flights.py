@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import pytest
 from landing_flight import HOVER_S, Flight, Landing, Options, landing
+from support.conditions import HELICOPTER, HELICOPTERS, LABORATORY
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.radios.limits import Fence
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.transmitter_gateway.inputs import State
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}

@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from support.conditions import LABORATORY
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
-from rcopterx.simulator.conditions import LABORATORY, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import Model

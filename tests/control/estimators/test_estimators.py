@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from support.conditions import HELICOPTERS, IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.estimators.base import PoseEstimator
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
-from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.plant import BodyPose
 from rcopterx_studies.baselines.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.conditions import IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL, COAXIAL_LAG, TYPES
 
 from rcopterx.control.estimators.filters import SIZE, jacobian, jacobian_at_rest
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS
-from rcopterx.simulator.conditions import IDEAL, LABORATORY
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import Array

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import IDEAL
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import DISTRUSTED, TRUSTED_AGAIN, ExtendedKalmanEstimator
 from rcopterx.control.estimators.noise import TiltTrust
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Measurement
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import BodyPose

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import IDEAL
 from support.demand import demand_matrix
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
@@ -16,7 +17,6 @@ from rcopterx.control.models.lateral import (
     predict_lateral,
 )
 from rcopterx.control.models.prediction import predict
-from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import BodyPose

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTERS
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.control import plugins
 from rcopterx.control.plugins import SCHEMES
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.arena import arena as arena_module
 from rcopterx_studies.arena.arena import DEFAULT_SCHEMES, arena, digest, error_ratios, foreign_digests
 from rcopterx_studies.arena.flying import FlownTask, arena_scheme, arena_schemes, fly_task

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.conditions import HELICOPTERS
 from support.squared import squared
 from support.waiting import DEADLINE_S, is_running, wait_for
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.experiments.catalogue import EXPERIMENTS
 from rcopterx_studies.experiments.family import FlownFamily
 from rcopterx_studies.experiments.runner import Experiment, Options, fly_all

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTERS
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.rig import Rig, RigVehicle

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.conditions import HELICOPTER, HELICOPTERS
 from support.records import replace as changed
 from support.vehicle_types import COAXIAL
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import BodyPose

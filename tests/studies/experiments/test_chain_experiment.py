@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTERS, LABORATORY
 
 from rcopterx.formation.topology import ancestors, cycle
-from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 from rcopterx_studies.experiments import chain
 from rcopterx_studies.experiments.chain import (
     SHAPES,

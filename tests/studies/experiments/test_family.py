@@ -5,9 +5,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from support.conditions import CRAZYFLIES, HELICOPTERS
 
 from rcopterx.commands.output import write_plot
-from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 from rcopterx_studies.experiments import family
 from rcopterx_studies.experiments.family import (
     LIMIT_CYCLE_MRAD,

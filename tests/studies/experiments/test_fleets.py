@@ -1,8 +1,8 @@
 """Formations of drawn helicopters."""
 
 import pytest
+from support.conditions import HELICOPTERS
 
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.experiments import fleets, formation
 from rcopterx_studies.experiments.fleets import FlownFleet, figures, fly_fleet
 from rcopterx_studies.experiments.formation import SLOTS

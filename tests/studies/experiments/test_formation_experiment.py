@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.conditions import IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.commands.output import write_plot
-from rcopterx.simulator.conditions import IDEAL, LABORATORY
 from rcopterx_studies.experiments.events import FollowEvent, GoToEvent
 from rcopterx_studies.experiments.formation import (
     EXPERIMENT,

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTER, HELICOPTERS
 from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.simulator import laboratory
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS
 from rcopterx.simulator.faults import BreakVehicle, Fault, TimedFault
 from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
 from rcopterx.simulator.plant import BodyPose

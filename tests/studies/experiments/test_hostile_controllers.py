@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTERS
 from support.hostile import DEEDS, KINDS, SOUND_S, FloodingScheme, HostileController
 from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import BodyPose
 from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.conditions import LABORATORY
 
-from rcopterx.simulator.conditions import LABORATORY
 from rcopterx_studies.experiments.hover import SCHEMES, figures, fly_hover
 
 

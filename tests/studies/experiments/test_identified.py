@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import CRAZYFLIES, HELICOPTERS
 from support.vehicle_types import COAXIAL
 
-from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import Array

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
-from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.plant import CALM, BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED

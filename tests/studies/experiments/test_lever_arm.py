@@ -1,8 +1,8 @@
 """Vehicles whose origin is not their centre of gravity hover as precisely as others."""
 
 import pytest
+from support.conditions import HELICOPTERS
 
-from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx_studies.experiments.lever_arm import hover
 
 LOW = pytest.param(

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY
 from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
-from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.events import FollowEvent, GoToEvent, LeadEvent, PilotEvent

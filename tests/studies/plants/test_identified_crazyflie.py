@@ -11,9 +11,10 @@ import pytest
 from drone_models.core import parametrize
 from drone_models.so_rpy_rotor_drag import dynamics
 from scipy.spatial.transform import Rotation
+from support.conditions import CRAZYFLIES, IDEAL
 from support.vehicle_types import CRAZYFLIE
 
-from rcopterx.simulator.conditions import CRAZYFLIES, IDEAL, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import BodyPose, PlantFaults, added_plant
 from rcopterx.vehicles.state import Array
