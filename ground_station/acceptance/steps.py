@@ -1,18 +1,26 @@
 """Steps of manoeuvres; each waits until it is done."""
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Concatenate, Final, ParamSpec
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Concatenate, Final, ParamSpec
+
+from msgspec import convert
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.identification import fit
-from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references import path_shapes
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.ground_station.acceptance.paper_sequence import Say, Wait, leader_of
+from rcopterx.ground_station.acceptance.paper_sequence import (
+    PAPER_PERIOD_S,
+    Say,
+    Wait,
+    fly_paper_sequence,
+    leader_of,
+)
 from rcopterx.ground_station.identification.identification import Wanted, excited_flights, swinging
 from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 from rcopterx.vehicles.tuples import Three
 
@@ -71,7 +79,7 @@ def go_to(
 
 
 @step
-def go_together(fleet: Fleet, say: Say, wait: Wait, places_m: Mapping[str, Three]) -> None:
+def go_together(fleet: Fleet, say: Say, wait: Wait, **places_m: Three) -> None:
     """Send several vehicles to set points at once and wait until all have arrived."""
     for name, position_m in places_m.items():
         say(f"{name}: set point {position_m} m")
@@ -82,11 +90,35 @@ def go_together(fleet: Fleet, say: Say, wait: Wait, places_m: Mapping[str, Three
 
 
 @step
-def fly_path(fleet: Fleet, say: Say, wait: Wait, path: FlightPath) -> None:
-    """Have the leader fly a trajectory to its end."""
-    leader = leader_of(fleet)
+def figure_eight(
+    fleet: Fleet,
+    say: Say,
+    wait: Wait,
+    center_m: Three,
+    size_m: tuple[float, float],
+    period_s: float,
+    turns: float,
+) -> None:
+    """Have the leader fly a figure-eight to its end."""
+    leader, path = leader_of(fleet), path_shapes.figure_eight(center_m, size_m, period_s, turns)
     say(f"{leader}: trajectory of {fleet[leader].fly(path, wait=True)}")
     wait(REST_S)
+
+
+@step
+def paper_formation(fleet: Fleet, say: Say, wait: Wait) -> None:
+    """Fly the experiment of the paper's Fig. 3: set points of the leader, then other distances, then back."""
+    fly_paper_sequence(fleet, say, wait)
+    followers = {name: vehicle.follow[0] for name, vehicle in fleet.file.vehicles.items() if vehicle.follow}
+    for name, link in followers.items():
+        x, y, z = link.offset_m
+        say(f"{name}: distance to {link.leader} grows by 0.2 m along x")
+        fleet[name].follow(link.leader, (x - 0.2, y, z + 0.1))
+    wait(PAPER_PERIOD_S)
+    for name, link in followers.items():
+        say(f"{name}: distance to {link.leader} as before")
+        fleet[name].follow(link.leader, link.offset_m)
+    wait(PAPER_PERIOD_S)
 
 
 @step
@@ -106,8 +138,11 @@ def follow(
 
 
 @step
-def follow_several(fleet: Fleet, say: Say, _wait: Wait, name: str, *links: LeaderLink) -> None:
-    """Give a vehicle several leaders with weights."""
+def follow_several(
+    fleet: Fleet, say: Say, _wait: Wait, name: str, leaders: Sequence[Mapping[str, Any]]
+) -> None:
+    """Give a vehicle several leaders with weights, by the fields of their links."""
+    links = [convert(leader, LeaderLink) for leader in leaders]
     say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
     fleet[name].follow(links)
 
@@ -144,9 +179,9 @@ def promote(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
 
 
 @step
-def tune(fleet: Fleet, say: Say, _wait: Wait, name: str, change: Callable[[Vehicle], str]) -> None:
-    """Give a vehicle another controller or other settings."""
-    say(f"{name}: flies with {change(fleet[name])}")
+def tune(fleet: Fleet, say: Say, _wait: Wait, name: str, **settings: Any) -> None:
+    """Give a vehicle another controller or other settings, as `Vehicle.tune`."""
+    say(f"{name}: flies with {fleet[name].tune(**settings)}")
 
 
 @step
@@ -170,10 +205,12 @@ def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
 
 
 @step
-def refused(fleet: Fleet, say: Say, _wait: Wait, what: str, request: Callable[[Fleet], object]) -> None:
-    """Make a request that must be refused; raises `NotReachedError` if it is accepted."""
+def refused(
+    fleet: Fleet, say: Say, _wait: Wait, what: str, name: str, request: str, *arguments: Any, **options: Any
+) -> None:
+    """Call a method of a vehicle that must be refused; raises `NotReachedError` if it is accepted."""
     try:
-        request(fleet)
+        getattr(fleet[name], request)(*arguments, **options)
     except RefusedError as error:
         say(f"{what}: refused, {error}")
         return

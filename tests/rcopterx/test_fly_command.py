@@ -158,7 +158,7 @@ def test_a_name_and_all_exclude_each_other() -> None:
 def test_what_has_to_be_refused_and_is_not_ends_the_manoeuvre(
     up: str, vehicles: Vehicles, table: dict[str, Manoeuvre]
 ) -> None:
-    table["fine"] = row("fine", in_order(refused("nonsense", lambda fleet: fleet["h1"].lead())), GOOD)
+    table["fine"] = row("fine", in_order(refused("nonsense", "h1", "lead")), GOOD)
     result = run("fly", "fine", "-f", up)
     assert result.exit_code == 1
     assert "nonsense was not refused" in result.stdout
