@@ -79,7 +79,7 @@ def go_to(
 
 
 @step
-def go_together(fleet: Fleet, say: Say, wait: Wait, **places_m: Three) -> None:
+def go_together(fleet: Fleet, say: Say, wait: Wait, /, **places_m: Three) -> None:
     """Send several vehicles to set points at once and wait until all have arrived."""
     for name, position_m in places_m.items():
         say(f"{name}: set point {position_m} m")
@@ -179,7 +179,7 @@ def promote(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
 
 
 @step
-def tune(fleet: Fleet, say: Say, _wait: Wait, name: str, **settings: Any) -> None:
+def tune(fleet: Fleet, say: Say, _wait: Wait, /, name: str, **settings: Any) -> None:
     """Give a vehicle another controller or other settings, as `Vehicle.tune`."""
     say(f"{name}: flies with {fleet[name].tune(**settings)}")
 
@@ -206,11 +206,22 @@ def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
 
 @step
 def refused(
-    fleet: Fleet, say: Say, _wait: Wait, what: str, name: str, request: str, *arguments: Any, **options: Any
+    fleet: Fleet,
+    say: Say,
+    _wait: Wait,
+    /,
+    what: str,
+    name: str,
+    request: str,
+    *arguments: Any,
+    **options: Any,
 ) -> None:
-    """Call a method of a vehicle that must be refused; raises `NotReachedError` if it is accepted."""
+    """Call a method of a vehicle, or of the fleet if `name` is empty, that must be refused.
+
+    Raises `NotReachedError` if it is accepted.
+    """
     try:
-        getattr(fleet[name], request)(*arguments, **options)
+        getattr(fleet[name] if name else fleet, request)(*arguments, **options)
     except RefusedError as error:
         say(f"{what}: refused, {error}")
         return

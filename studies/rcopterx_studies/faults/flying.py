@@ -106,7 +106,7 @@ class FaultRange:
     def _fly(self, row: FaultFlight) -> None:
         with row.injected(self.bench):
             if row.on_floor:
-                take_off = steps.refused("take-off", lambda fleet: fleet.take_off(height_m=HOME_M[2]))
+                take_off = steps.refused("take-off", "", "take_off", height_m=HOME_M[2])
                 take_off(self.fleet, self.bench.say, self.bench.wait)
             elif row.down:
                 self._wait_until_down(row.down)
