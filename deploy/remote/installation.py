@@ -6,6 +6,7 @@ import shlex
 import subprocess
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -16,27 +17,6 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
 DIRECTORY: Final = "rcopterx"  # directory of the installation, in the home of the user
-UNIT: Final = """\
-[Unit]
-Description=Host {host} of the fleet {fleet}
-After=network-online.target
-Wants=network-online.target
-StartLimitIntervalSec=0
-
-[Service]
-User={user}
-SupplementaryGroups=dialout
-WorkingDirectory={home}/{directory}
-ExecStart={home}/{directory}/venv/bin/rcopterx host {fleet}.toml --host {host}
-LimitRTPRIO={highest_priority}
-KillMode=process
-TimeoutStopSec={stop_s}
-Restart=on-failure
-RestartSec=5
-
-[Install]
-WantedBy=multi-user.target
-"""
 OPTIONS: Final = ("-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
 """Without prompts for passwords: keys and agents are needed."""
 UNREACHABLE: Final = 255  # exit code of ssh itself
@@ -102,7 +82,8 @@ def unit_name(fleet: FleetFile) -> str:
 def _unit(fleet: FleetFile, host: str, login: Login) -> str:
     """Return the systemd unit of a host; gateways may land their vehicles before it is killed."""
     landing_s = fleet.clock.real_s(longest_shutdown_s(fleet, host))
-    return UNIT.format(
+    unit = (files("rcopterx.deploy") / "systemd" / "host.service").read_text("utf-8")
+    return unit.format(
         host=host,
         fleet=fleet.name,
         user=login.user,
