@@ -7,11 +7,9 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.conditions import LABORATORY
 
-from rcopterx.simulator.conditions import (
-    LABORATORY,
-    Conditions,
-)
+from rcopterx.simulator.conditions import Conditions
 
 
 def test_laboratory_has_the_numbers_that_results_are_stated_for() -> None:
