@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1  # between two copies of a kill; one that is lost costs a vehicle this much time
 RETRY_S = 0.1
-DISARM_S = 1.0  # for the agents to report that they are disarmed
+DISARM_S = 1.0  # for a vehicle to be disarmed after it has landed
 FIRMWARE_DISARM_S = 5.0  # for firmware that has to detect the landing first
 STATUS_S = 1.0  # by then every vehicle has reported its state
 MEASURING_S = 60.0  # how long a take-off waits for hosts that measure how many vehicles they can fly
@@ -117,16 +117,20 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles and wait until agents and firmware report it; those that do not are disarmed."""
         vehicles = self.present() if names is None else self._named(names)
-        deadline_s = self.session.clock() + timeout_s
-        for name in vehicles:
-            if self.state_of(name).phase not in ("armed", *AIRBORNE):
-                # The arbiter requires half a second of throttle-low commands first.
-                self._retry(self[name].arm, deadline_s)
+
+        def active(name: str) -> bool:
+            return self.state_of(name).phase in ("armed", *AIRBORNE)
 
         def armed(name: str) -> bool:
-            state = self.state_of(name)
-            return state.phase in ("armed", *AIRBORNE) and state.firmware_armed is not False
+            return active(name) and self.state_of(name).firmware_armed is not False
 
+        # The last status may be from before a kill or the end of a flight.
+        self._renew(filter(active, vehicles))
+        deadline_s = self.session.clock() + timeout_s
+        for name in vehicles:
+            if not active(name):
+                # The arbiter requires half a second of throttle-low commands first.
+                self._retry(self[name].arm, deadline_s)
         try:
             self.wait_until(
                 lambda: all(map(armed, vehicles)), timeout_s, "not all vehicles are armed", vehicles
@@ -202,13 +206,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Refuse at once if killed vehicles are named, or all are killed: only people may reset them."""
         self.wait_for_status(names)
         wanted = self.present() if names is None else names
-        killed = [name for name in wanted if self.state_of(name).transmitter_state == "killed"]
+        self._renew(self._killed(wanted))  # one that was just reset may have reported before
+        killed = self._killed(wanted)
         if killed and (names is not None or len(killed) == len(wanted)):
             raise RefusedError(f"killed: {', '.join(killed)}; reset first (rcopterx reset)")
 
+    def _killed(self, names: Iterable[str]) -> list[str]:
+        return [name for name in names if self.state_of(name).transmitter_state == "killed"]
+
     def _wait_for_most(self) -> dict[str, list[str]]:
         """Wait a while until all vehicles are ready; return the problems of those that are not."""
-        killed = [name for name in self.present() if self.state_of(name).transmitter_state == "killed"]
+        killed = self._killed(self.present())
         others = [name for name in self.present() if name not in killed]
         try:
             self.wait_ready(others, timeout_s=STAY_BEHIND_S)
@@ -318,10 +326,6 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):
                     self._retry(vehicle.disarm, self.session.clock() + DISARM_S)
-        # A take-off that follows must not mistake the last status before disarming for the present one.
-        self._notifier.wait_until(
-            lambda: not any(vehicle.state.phase == "armed" for vehicle in landing), DISARM_S
-        )
         with _collected(problems):
             self.wait_until(
                 lambda: not any(vehicle.state.firmware_armed is True for vehicle in landing),

@@ -113,6 +113,17 @@ class Observer(Reader):
 
         return self._notifier.wait_until(complete, timeout_s)
 
+    def _renew(self, names: Iterable[str]) -> None:
+        """Wait a while for statuses of vehicles that are newer than this call."""
+        from_s, vehicles = self.session.clock() + UNDER_WAY_S, list(names)
+
+        def renewed() -> bool:
+            states, now_s = map(self.state_of, vehicles), self.session.clock()
+            ages_s = [age_s for state in states for age_s in (state.agent_age_s, state.transmitter_age_s)]
+            return all(arrived_after(from_s, age_s, now_s) for age_s in ages_s)
+
+        self._notifier.wait_until(renewed, FIRST_STATUS_S)
+
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()
     ) -> None:

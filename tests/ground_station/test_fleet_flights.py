@@ -37,6 +37,44 @@ def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicle
     assert phases(vehicles) == ["flying", "ground"]
 
 
+@pytest.mark.parametrize("firmware", [None, False])
+def test_a_take_off_does_not_mistake_the_last_status_before_a_kill_for_a_flight(
+    fleet: Fleet, vehicles: Vehicles, firmware: bool | None
+) -> None:
+    h1 = vehicles["h1"]
+    put(vehicles, fleet, "flying", ["h1"])
+    h1.agent_speaks, h1.armed = False, firmware
+    fleet["h1"].kill()
+    fleet["h1"].reset()
+    wait_for(lambda: fleet["h1"].state.transmitter_state == "disarmed", "not seen reset")
+    assert fleet["h1"].state.phase == "flying"
+
+    def report() -> None:
+        h1.agent_speaks, h1.armed = True, None
+
+    later = threading.Timer(0.2, report)
+    later.start()
+    fleet.take_off(["h1"])
+    later.join()
+    assert h1.verbs == ["KillVehicle", "ResetKill", "Arm", "TakeOff"]
+
+
+def test_a_take_off_does_not_mistake_the_last_status_before_a_reset_for_a_kill(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    h1 = vehicles["h1"]
+    fleet["h1"].kill()
+    wait_for(lambda: fleet["h1"].state.transmitter_state == "killed", "not seen killed")
+    h1.speaks = False
+    fleet["h1"].reset()
+    assert fleet["h1"].state.transmitter_state == "killed"
+    later = threading.Timer(0.2, setattr, (h1, "speaks", True))
+    later.start()
+    fleet.take_off(["h1"])
+    later.join()
+    assert h1.phase == "flying"
+
+
 def test_arming_is_asked_again_while_it_is_refused_for_the_moment(fleet: Fleet, vehicles: Vehicles) -> None:
     vehicles["h1"].refusals["arm"] = "thrust was not low for half a second"
 

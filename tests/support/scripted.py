@@ -64,6 +64,7 @@ class ScriptedVehicle:
         self.refusals: dict[str, str] = {}
         self.silent: set[str] = set()
         self.speaks = True
+        self.agent_speaks = True  # while `speaks`
         self.stuck: set[str] = set()
         self.requests: list[object] = []
         self.kills: list[Kill] = []
@@ -197,8 +198,9 @@ def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dic
             for incoming in session.pending():
                 vehicles[incoming.unit].answer(incoming)
             for name, vehicle in vehicles.items():
-                if vehicle.speaks:
+                if vehicle.speaks and vehicle.agent_speaks:
                     session.publish(channels.AGENT_STATUS, name, vehicle.agent_status())
+                if vehicle.speaks:
                     session.publish(channels.TRANSMITTER_STATUS, name, vehicle.transmitter_status())
                 if vehicle.plan is not None:
                     session.publish(channels.PLAN, name, vehicle.plan)
