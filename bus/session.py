@@ -336,9 +336,9 @@ class Session(AbstractContextManager["Session"]):
 
         `timeout_s`: for the reply of a process that serves the verb, in the time of the fleet. `patience_s`:
         for a process to serve it, in the time of the fleet and at least in real time: one that has just been
-        replaced is not found for a moment. Raises `NotServedError`: no process serves it. Raises
-        `RequestFailedError`: no reply in time, rejected as malformed, the reply is malformed, or the session
-        is closed.
+        replaced is not found for a moment. A request whose link is lost meanwhile is sent again. Raises
+        `NotServedError`: no process serves it. Raises `RequestFailedError`: no reply in time, rejected as
+        malformed, the reply is malformed, or the session is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
@@ -346,7 +346,7 @@ class Session(AbstractContextManager["Session"]):
         limit_s = self.address.clock.real_s(timeout_s)
         give_up_s = self.clock() + patience_s * max(1.0, self.address.clock.speed)
         while True:
-            sent_s = time.monotonic()
+            asked_s, sent_s = self.clock(), time.monotonic()
             try:
                 serving = self.participant if self.participant and self.participant.serves(key) else None
                 replies: Iterable[zenoh.Reply] = (
@@ -364,6 +364,8 @@ class Session(AbstractContextManager["Session"]):
             # Some time-outs come without an error; without a server Zenoh answers at once.
             if serving is not None or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
+            # In between, the link to the server or that to the router was lost.
+            give_up_s += self.clock() - asked_s
             if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")
             self.wait_in(time.sleep, RETRY_S)

@@ -1,5 +1,6 @@
 """Promises of the bus over a real router: requests are answered, or fail with the reason."""
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +14,7 @@ from support.waiting import DEADLINE_S, wait_for
 from rcopterx.bus import channels
 from rcopterx.bus.clock import Clock
 from rcopterx.bus.messages import SetPoint
-from rcopterx.bus.requests import GoTo, Land, Lead, Recall, RecallReply, Reply, Request
+from rcopterx.bus.requests import Disarm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
 from rcopterx.bus.session import (
     BusAddress,
     Incoming,
@@ -68,6 +69,28 @@ def test_a_session_serves_several_units_and_verbs(join: Join) -> None:
 def test_a_request_without_a_server_fails_at_once_and_says_so(join: Join) -> None:
     with pytest.raises(RequestFailedError, match="no process serves land for h9"):
         join().request("h9", Land(), timeout_s=DEADLINE_S)
+
+
+def test_a_request_whose_server_is_lost_while_it_waits_reaches_the_successor(join: Join) -> None:
+    patience_s = 0.3
+    first, successor, asker, other = join(), join(), join(), join()
+    first.serve("h1", ["land", "lead"])
+    with answering(first, lambda _: Reply(accepted=True)):
+        answer_of(asker, "h1", Lead())
+
+    def hang_and_end() -> None:
+        wait_for(first.pending, "the request does not arrive")
+        time.sleep(2 * patience_s)
+        successor.serve("h1", ["land", "disarm"])
+        answer_of(other, "h1", Disarm())
+        first.close()
+
+    end = threading.Thread(target=hang_and_end)
+    end.start()
+    with answering(successor, lambda _: Reply(accepted=True, reason="successor")):
+        reply = asker.request("h1", Land(), timeout_s=DEADLINE_S, patience_s=patience_s)
+    end.join()
+    assert reply == Reply(accepted=True, reason="successor")
 
 
 def test_a_request_of_a_closed_session_fails_in_words(join: Join) -> None:
