@@ -1,17 +1,20 @@
 """The scripting interface of one vehicle: every call is a request on the bus."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rcopterx.bus import requests
 from rcopterx.bus.message import FloatArray, Parameters, Setting
 from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
-ANSWER_S = 1.0  # for a request that is answered in the next control period
+if TYPE_CHECKING:
+    from rcopterx.ground_station.scripting.fleet import Fleet
+
+ANSWER_S = 2.0  # longer than the lease of a link: a request is sent again when its link was lost
 RUN_IN_LIMIT_S = 30.0
 HOST_PATIENCE_S = 3.0  # for a host whose link is being dialled again
 TUNING_LIMIT_S = 10.0  # longest time to build a controller; the vehicle flies on with the present one
@@ -32,7 +35,7 @@ def lines_of(error: BaseException) -> tuple[str, ...]:
 class Vehicle:
     """One vehicle of a running fleet."""
 
-    def __init__(self, fleet: Observer, name: str) -> None:
+    def __init__(self, fleet: "Fleet", name: str) -> None:
         self._fleet = fleet
         self.name = name
 
@@ -160,8 +163,8 @@ class Vehicle:
         self._fleet.wait_for_arrival([self.name], tolerance_m, timeout_s)
 
     def kill(self, reason: str = "operator") -> None:
-        """Cut the motors now; they stay off until `reset`."""
-        self._request(requests.KillVehicle(cause=reason))
+        """Cut the motors now; they stay off until `reset`. See `Fleet.kill`."""
+        self._fleet.kill([self.name], reason)
 
     def reset(self) -> None:
         """Leave KILLED."""

@@ -56,7 +56,7 @@ def test_a_take_off_does_not_mistake_the_last_status_before_a_kill_for_a_flight(
     later.start()
     fleet.take_off(["h1"])
     later.join()
-    assert h1.verbs == ["KillVehicle", "ResetKill", "Arm", "TakeOff"]
+    assert h1.verbs == ["ResetKill", "Arm", "TakeOff"]
 
 
 def test_a_take_off_does_not_mistake_the_last_status_before_a_reset_for_a_kill(

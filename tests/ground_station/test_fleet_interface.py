@@ -165,7 +165,8 @@ def test_calls_of_a_vehicle_are_typed_requests(fleet: Fleet, vehicles: Vehicles)
     link = LeaderLink(leader="h2", offset_m=(1.0, 2.0, 3.0), yaw_offset_rad=0.5, frame="heading")
     assert follow == Follow(following=(link,), transition_s=2.0)
     assert several == Follow(following=(LeaderLink(leader="h2", weight=2.0),))
-    assert [type(other).__name__ for other in others] == ["Lead", "KillVehicle", "ResetKill"]
+    assert [type(other).__name__ for other in others] == ["Lead", "ResetKill"]
+    assert {(kill.vehicles, kill.reason) for kill in vehicles["h1"].kills} == {(("h1",), "smoke")}
 
 
 def test_a_refusal_names_vehicle_and_reason(fleet: Fleet, vehicles: Vehicles) -> None:
@@ -184,6 +185,22 @@ def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles
     vehicles["h2"].stuck.clear()
     fleet.kill(timeout_s=10.0)
     assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
+
+
+def test_a_kill_of_one_vehicle_is_repeated_as_well(fleet: Fleet, vehicles: Vehicles) -> None:
+    h1 = vehicles["h1"]
+    h1.stuck.add("kill")
+
+    def recover() -> None:
+        wait_for(lambda: h1.kills, "no kill arrives")
+        h1.stuck.clear()
+
+    later = threading.Thread(target=recover)
+    later.start()
+    fleet["h1"].kill()
+    later.join()
+    assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "disarmed"]
+    assert len(h1.kills) >= 2
 
 
 def test_a_name_that_is_no_list_is_one_vehicle(fleet: Fleet, vehicles: Vehicles) -> None:
