@@ -5,7 +5,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from integration_support import NAMES, Flying, of_types, transmitter_state
+from integration_support import NAMES, Flying, not_killed, of_types, transmitter_state
 from radio_support import RadioLog, module
 from support.radio_addresses import radio_paths
 from support.udp import udp_paths
@@ -33,7 +33,7 @@ AIR_S = {"crazyflie": 0.0, "mavlink_quadrotor": 0.0, "coaxial": 0.022}
 
 def killed(flying: Flying, log: RadioLog, name: str) -> float:
     """Kill a vehicle; return when the first frame without thrust arrived, after the request [s]."""
-    log.frames(name)
+    assert log.frames(name)[-1][1] >= UNTHRUSTED_US, "the motors stand already"
     requested_s = flying.now_s()
     flying.fleet[name].kill()
 
@@ -47,8 +47,8 @@ def killed(flying: Flying, log: RadioLog, name: str) -> float:
 def made_ready(flying: Flying, kind: str) -> None:
     """Reset the kills; a Crazyflie is also switched off and on."""
     fleet = flying.fleet
-    for name in NAMES:
-        fleet[name].reset()
+    # A kill is not reset while a command from before it asks for thrust.
+    fleet.wait_until(lambda: all(not_killed(flying, name) for name in NAMES), 30, "still killed")
     if kind == "crazyflie":
         for name in NAMES:
             inject_faults(fleet.session, BreakRadio(name, "off"))
