@@ -40,11 +40,13 @@ class PageSteering:
         self.weights = {name: Weights(fleet, name, self.tune) for name in fleet.file.vehicles}
 
     def run(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
-        """Run a request and show its outcome; return its success. Requests of one name `what` exclude."""
+        """Run a request and show its outcome; return its success; refuse it beside one of its name `what`."""
         with self._lock:
-            if what in self._busy:
-                return False
+            busy = what in self._busy
             self._busy.add(what)
+        if busy:
+            self.refuse(f"{what}: still under way")
+            return False
         try:
             answer = request()
         except (*FLIGHT_ERRORS, ValueError) as error:

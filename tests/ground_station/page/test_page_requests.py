@@ -141,6 +141,25 @@ def test_a_refusal_is_shown_with_its_reason(opened: Opened, vehicles: Vehicles) 
     assert opened.notices == [("h1: outside", True)]
 
 
+def test_a_request_while_one_of_its_name_is_not_answered_yet_is_refused_with_the_reason(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    notices: list[tuple[str, bool]] = []
+    steering = PageSteering(fleet, lambda text, refused: notices.append((text, refused)))
+
+    def repeated() -> None:
+        steering.run("landing of h1", lambda: None)
+        steering.run("landing of h2", lambda: None)
+
+    assert steering.run("landing of h1", repeated)
+    assert notices == [
+        ("landing of h1: still under way", True),
+        ("landing of h2", False),
+        ("landing of h1", False),
+    ]
+    assert vehicles["h1"].requests == []
+
+
 def test_kill_cuts_everybody_and_only_then_there_is_something_to_reset(
     opened: Opened, fleet: Fleet, vehicles: Vehicles
 ) -> None:
