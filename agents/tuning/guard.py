@@ -103,12 +103,15 @@ class OscillationGuard:
             self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
 
     def _raise_again(self) -> None:
-        """Return to the bandwidth before if the filter has found a lever arm that it flew without."""
+        """Return to the bandwidth before, and judge anew, once the filter has found the lever arm."""
         if self._tuning.busy:
             return
         before, self._lever_arms = self._lever_arms, self._pilot.estimator.events.get(LEVER_ARM_FOUND, 0)
-        if self._lever_arms > before and max(self._tuning.configuration.effort_factors) > 1.0:
-            self._detector.forget()
+        if self._lever_arms == before:
+            return
+        self._detector.forget()
+        self._swinging, self._since_step_s = frozenset(), 0.0
+        if max(self._tuning.configuration.effort_factors) > 1.0:
             self._tuning.begin(without_guard(self._tuning.configuration))
 
     def _lower(self) -> None:

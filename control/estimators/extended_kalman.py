@@ -7,7 +7,7 @@ stands on the floor, and how much noise the poses have.
 
 import math
 from collections import Counter
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -33,37 +33,44 @@ from rcopterx.vehicles.state import (
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
-LEVER_ARM_FOUND: Final = "lever_arm_found"  # once in a flight: one that differs from that of the model
-_JUDGED_M: Final = 0.01  # standard deviation from which on the lever arm is judged...
-_FOUND_M: Final = 0.003  # ...and counts as found
-# A lever arm counts if it is lower than that of the model by so much, or higher by so much: errors of the
-# model look like 1 to 2 cm, and one that is taken for higher than it is makes the loop swing.
-_LOWER_M: Final = 0.002
-_HIGHER_M: Final = 0.025
-_DIFFERS_M: Final = 0.01  # by so much the flight so far was one with another lever arm
+LEVER_ARM_FOUND: Final = "lever_arm_found"  # at most once in a flight
+_LIKELIER: Final = 10.0  # log of the likelihoods' ratio from which on the filter with a lever arm is used
+_KNOWN_M: Final = 0.001  # standard deviation from which on it is sought no more
 
 
 class HorizontalMotion:
-    """The two filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,).
+    """The filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,).
 
-    There are no filters for a vehicle without a tilt model.
+    There are no filters for a vehicle without a tilt model. The lever arm is that of the model until a
+    filter that estimates it explains the poses much better: errors of a model resemble one of 1 to 2 cm, and
+    a filter that takes them for a lever arm makes the loop swing.
     """
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
+        def new_filter(used: bool, **changes: Any) -> TiltFilter | None:
+            return TiltFilter(model, msgspec.structs.replace(settings, **changes)) if used else None
+
         known = model.tilt is not None
-        self._from_tilt = TiltFilter(model, settings) if known and settings.measured_tilt else None
-        without_tilt = msgspec.structs.replace(settings, measured_tilt=False)
-        self._from_positions = TiltFilter(model, without_tilt) if known else None
-        self.filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
+        with_tilt = known and settings.measured_tilt
+        self._from_positions = new_filter(known, measured_tilt=False)
+        self._from_tilt = new_filter(with_tilt, lever_arm_deviation_m=0.0)
+        self._with_lever = new_filter(with_tilt and settings.lever_arm_deviation_m > 0.0)
         self.trust = TiltTrust()
-        self._seeks_lever = True
-        self._lever_arm_m = model.lever_arm_m
         self.events: Counter[str] = Counter()  # how often a measured tilt was distrusted, and trusted again
+        self._begin()
+
+    def _begin(self) -> None:
+        """Run all filters, as of a vehicle whose lever arm is that of the model until it is found."""
+        present = self._from_tilt, self._from_positions, self._with_lever
+        self.filters = [each for each in present if each is not None]
+        self._lever_found, self._likelier = False, 0.0
 
     @property
     def selected(self) -> TiltFilter | None:
         """The filter whose estimate is used."""
-        return self._from_tilt if self._from_tilt is not None and self.trust.trusted else self._from_positions
+        if self._from_tilt is None or not self.trust.trusted:
+            return self._from_positions
+        return self._with_lever if self._lever_found else self._from_tilt
 
     def refine(self, estimate: Estimate) -> Estimate:
         """Replace the horizontal motion of an estimate, in place, and add the tilt."""
@@ -83,7 +90,7 @@ class HorizontalMotion:
 
     def stand(self, pose: Array, tilt: Array | None) -> None:
         """Start at rest on the floor."""
-        self._seeks_lever = True
+        self._begin()
         self.trust.restart()
         for each, usable in self._measuring(tilt):
             each.stand(pose[:2], usable, float(pose[YAW]))
@@ -91,7 +98,7 @@ class HorizontalMotion:
     def _measuring(self, tilt: Array | None) -> list[tuple[TiltFilter, Array | None]]:
         """Each filter, with the measured tilt if it may use it."""
         usable = tilt if self.trust.trusted else None
-        return [(each, usable if each is self._from_tilt else None) for each in self.filters]
+        return [(each, None if each is self._from_positions else usable) for each in self.filters]
 
     def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
@@ -100,24 +107,26 @@ class HorizontalMotion:
             expected = self._from_positions.tilt
             if self.trust.observe(tilt, expected, yaw_rad, since_pose_s):
                 self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
-                if self._from_tilt is not None and not self.trust.trusted:
-                    self._from_tilt.forget_offset()
+                if not self.trust.trusted:
+                    for each in self.filters:
+                        each.forget_offset()
+        likelihoods = []
         for each, usable in self._measuring(tilt):
             each.expect_noise(noise_m, self.trust.noise_deviation)
-            each.correct(pose[:2], usable, yaw_rad)
-        if self._seeks_lever and self._from_tilt is not None:
-            self._find_lever(self._from_tilt)
+            likelihoods.append(each.correct(pose[:2], usable, yaw_rad))
+        if self._with_lever is not None and len(self.filters) > 2 and tilt is not None and self.trust.trusted:
+            self._seek_lever(self._with_lever, likelihoods[-1] - likelihoods[0])
 
-    def _find_lever(self, found: TiltFilter) -> None:
-        """Decide, once it is known well enough, whether the lever arm differs from that of the model."""
-        length_m, deviation_m = found.lever_arm_m
-        higher_m = length_m - self._lever_arm_m
-        if deviation_m <= _JUDGED_M and -_LOWER_M <= higher_m <= _HIGHER_M:
-            found.keep_lever_arm()
-            self._seeks_lever = False
-        elif deviation_m <= _FOUND_M:
-            self.events[LEVER_ARM_FOUND] += abs(higher_m) > _DIFFERS_M
-            self._seeks_lever = False
+    def _seek_lever(self, with_lever: TiltFilter, likelier: float) -> None:
+        """Decide whether the lever arm differs from that of the model, by logs of the likelihoods' ratio."""
+        self._likelier = max(self._likelier + likelier, 0.0)
+        _, deviation_m = with_lever.lever_arm_m
+        if self._likelier > _LIKELIER:
+            self._lever_found = True
+            self.events[LEVER_ARM_FOUND] += 1
+            del self.filters[0]
+        elif deviation_m < _KNOWN_M:
+            del self.filters[-1]
 
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct the estimate of a standing vehicle; arguments of `correct`."""

@@ -207,8 +207,8 @@ def _predict_tilt(step: LateralStep, x: Array, P: Array, Q: Array, stick: Array,
 
 
 @compiled(VECTOR, MATRIX, MATRIX, VECTOR, ANY_VECTOR, VECTOR, NUMBER)
-def _correct_tilt(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array, yaw_rad: float) -> None:
-    """Correct a `TiltFilter` by a position and a tilt, as far as it is measured and plausible."""
+def _correct_tilt(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array, yaw_rad: float) -> float:
+    """Correct a `TiltFilter` by a position and a plausible tilt, and return their log likelihood."""
     measured, offset, lever = len(z), len(x) - 3, len(x) - 1
     # The measured place is p + l tilt, a product of two states. Without measured tilt l counts as known.
     seen = z.copy()
@@ -222,7 +222,7 @@ def _correct_tilt(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array
         along, across = c * x[offset] - s * x[offset + 1], s * x[offset] + c * x[offset + 1]
         if not max(abs(z[2] - x[CORE_FROM] - along), abs(z[3] - x[CORE_FROM + 1] - across)) <= TILT_GATE:
             measured = 2
-    update(x, P, H[:measured], R[:measured], seen[:measured].copy(), limit)
+    return update(x, P, H[:measured], R[:measured], seen[:measured].copy(), limit)
 
 
 class TiltFilter:
@@ -340,22 +340,18 @@ class TiltFilter:
         step = lateral_system(self._model, period_s).step
         return step, np.pad(process_noise(self._model, self._settings, period_s), (0, 1))
 
-    def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
+    def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> float:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
 
-        Raises `numpy.linalg.LinAlgError`: the covariance of the innovation is not positive definite.
+        Returns the log likelihood of what was measured, without its constant. Raises
+        `numpy.linalg.LinAlgError`: the covariance of the innovation is not positive definite.
         """
         z = position_m if tilt is None else np.concatenate((position_m, tilt))
-        _correct_tilt(self.x, self.P, self._H, self.R, z, self._limit, yaw_rad)
+        return _correct_tilt(self.x, self.P, self._H, self.R, z, self._limit, yaw_rad)
 
     def forget_offset(self) -> None:
         """Forget the offset of the body frame, as the measured tilts were wrong."""
         self._forget(self._offset, _START_OFFSET_RAD)
-
-    def keep_lever_arm(self) -> None:
-        """Keep that of the model from now on."""
-        self._forget(self._lever, 0.0)
-        self.x[self._lever] = self._model.lever_arm_m
 
     def _forget_body(self) -> None:
         """Forget trim, offset and lever arm, as of a new vehicle."""

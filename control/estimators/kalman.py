@@ -1,5 +1,7 @@
 """Prediction and correction of a Kalman filter as kernels, in the usual symbols (docs/formulas.md)."""
 
+import math
+
 import numpy as np
 
 from rcopterx.compiling.compiled import MATRIX, VECTOR, compiled
@@ -26,8 +28,8 @@ def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
 
 
 @compiled(VECTOR, MATRIX, MATRIX, *3 * [VECTOR])
-def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> None:
-    """Update state and covariance by measurements z = H x + noise.
+def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> float:
+    """Update state and covariance by measurements z = H x + noise; return their log likelihood.
 
     The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
 
@@ -37,6 +39,7 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> No
     """
     size = len(x)
     PH = np.empty(size)
+    likelihood = 0.0  # without its constant
     for row in range(len(H)):
         S, innovation = R[row], z[row]
         for i in range(size):
@@ -47,6 +50,7 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> No
             innovation -= H[row, i] * x[i]
         if not S > 0.0:
             raise np.linalg.LinAlgError("the covariance of the innovation is not positive definite")
+        likelihood -= 0.5 * (math.log(S) + innovation * innovation / S)
         for i in range(size):
             x[i] += PH[i] / S * innovation
             for j in range(i + 1):
@@ -54,3 +58,4 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> No
                 P[j, i] = P[i, j]
     for i in range(size):
         x[i] = min(max(x[i], -limit[i]), limit[i])
+    return likelihood

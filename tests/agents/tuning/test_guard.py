@@ -132,6 +132,22 @@ def test_once_the_filter_finds_the_lever_arm_that_it_flew_without_the_bandwidth_
     assert watched.factor > 1.0
 
 
+def test_swings_before_the_filter_found_the_lever_arm_do_not_count() -> None:
+    lowered = []
+    for found in (False, True):
+        watched = Watched()
+        pilot, configuration = watched.flight.pilot, watched.flight.tuning.configuration
+        estimator = configuration.estimator_for(pilot.model, PERIOD_S)
+        pilot.estimator.use(estimator, started=False)
+        watched.flight.fly(5)
+        watched.swing(1.2)
+        assert watched.factor == 1.0
+        estimator.events[LEVER_ARM_FOUND] += found
+        watched.swing(0.8)
+        lowered.append(watched.factor > 1.0)
+    assert lowered == [True, False]
+
+
 def test_there_is_a_largest_factor_and_the_flight_goes_on() -> None:
     watched = Watched()
     watched.swing(8.0)

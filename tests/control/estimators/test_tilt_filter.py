@@ -12,7 +12,11 @@ from support.demand import demand_matrix
 from support.records import replace
 from support.vehicle_types import COAXIAL
 
-from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
+from rcopterx.control.estimators.extended_kalman import (
+    LEVER_ARM_FOUND,
+    ExtendedKalmanEstimator,
+    HorizontalMotion,
+)
 from rcopterx.control.estimators.filters import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Estimate, Measurement
@@ -124,6 +128,30 @@ def test_a_lever_arm_of_the_model_is_kept_where_it_is_certain(measured: bool) ->
     vehicle = flown_with_lever(found, -0.04, measured)
     assert found.lever_arm_m == (-0.04, 0.0)
     assert found.x[POSITION] == pytest.approx(vehicle.state[POSITION], abs=1e-3)
+
+
+@pytest.mark.parametrize("lever_arm_m", [-0.04, 0.0, 0.03])
+def test_the_filter_with_a_lever_arm_is_used_once_it_explains_the_poses_much_better(
+    lever_arm_m: float,
+) -> None:
+    motion = HorizontalMotion(COAXIAL, ExtendedKalmanSettings())
+    vehicle, rng = Vehicle(0.4, np.zeros(2), np.zeros(2)), np.random.default_rng(1)
+    motion.stand(np.array((0.0, 0.0, 1.0, 0.4)), np.zeros(2))
+    before = motion.selected
+    for step in range(1500):
+        stick = 0.15 * np.array([np.sin(step / 4), np.cos(step / 6)]) + rng.normal(0.0, 0.02, 2)
+        vehicle.fly(stick)
+        for each in motion.filters:
+            each.predict(stick, 0.4, PERIOD_S)
+        tilt = vehicle.measured_tilt
+        pose = np.array((*(vehicle.state[POSITION] + lever_arm_m * tilt), 1.0, 0.4))
+        motion.correct(pose, tilt, 0.0005, PERIOD_S)
+    assert motion.events[LEVER_ARM_FOUND] == (lever_arm_m != 0.0)
+    assert (motion.selected is before) == (lever_arm_m == 0.0)
+    assert motion.selected is not None
+    assert motion.selected.lever_arm_m[0] == pytest.approx(lever_arm_m, abs=0.004)
+    motion.stand(np.array((0.0, 0.0, 0.0, 0.4)), np.zeros(2))
+    assert motion.selected is before
 
 
 def test_a_tilt_of_markers_mixed_up_is_rejected() -> None:

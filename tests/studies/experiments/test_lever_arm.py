@@ -5,13 +5,7 @@ from support.conditions import HELICOPTERS
 
 from rcopterx_studies.experiments.lever_arm import hover
 
-LOW = pytest.param(
-    -40,
-    marks=pytest.mark.xfail(strict=True, reason="it takes its arm for none, see docs/helicopter.md"),
-)
 
-
-@pytest.mark.parametrize("arm_mm", [LOW, 40])
+@pytest.mark.parametrize("arm_mm", [-40, 40])
 def test_a_vehicle_that_nobody_identified_hovers_with_a_lever_arm(arm_mm: int) -> None:
-    # The guard lowers the bandwidth of this one until the lever arm is found.
     assert hover("default", arm_mm, False, HELICOPTERS, 4) < 25.0
