@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rcopterx.bus import channels
-from rcopterx.bus.messages import Kill
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
@@ -26,8 +24,6 @@ from rcopterx.vehicles.phases import AIRBORNE
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.launcher import Launcher
 
-SOURCE = "operator"
-KILL_REPEAT_S = 0.1  # between two copies of a kill; one that is lost costs a vehicle this much time
 RETRY_S = 0.1
 DISARM_S = 1.0  # for a vehicle to be disarmed after it has landed
 FIRMWARE_DISARM_S = 5.0  # for firmware that has to detect the landing first
@@ -337,32 +333,6 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             for other in problems[1:]:
                 problems[0].add_note(str(other))
             raise problems[0]
-
-    def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 3.0) -> None:
-        """Cut the motors of some or all vehicles until `Vehicle.reset`; repeated until all arbiters confirm.
-
-        Raises `NotReachedError`: an arbiter is not KILLED after the copies of `timeout_s`; says which.
-        """
-        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(self._named(names)))
-        wanted = message.vehicles or tuple(self.file.vehicles)
-        from_s = self.session.clock()
-        confirmed: set[str] = set()
-
-        def missing() -> list[str]:
-            # A vehicle that has confirmed once may have been reset since.
-            for state in map(self.state_of, wanted):
-                # Earlier reports may be outdated.
-                recent = arrived_after(from_s, state.transmitter_age_s, self.session.clock())
-                if recent and state.transmitter_state == "killed":
-                    confirmed.add(state.name)
-            return [name for name in wanted if name not in confirmed]
-
-        for _ in range(max(1, round(timeout_s / KILL_REPEAT_S))):  # also after a stall of any length
-            self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
-            if self._notifier.wait_until(lambda: not missing(), KILL_REPEAT_S):
-                return
-        states = "; ".join(self.state_of(name).summary() for name in missing())
-        raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterable
 
-from rcopterx.bus.messages import Plan
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Kill, Plan
 from rcopterx.bus.session import Session
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.schema import FleetFile
@@ -15,11 +16,13 @@ from rcopterx.vehicles.phases import Phase
 STARTED_S = 30.0  # until a fleet that was just started is ready; ArduCopter accepts arming after 20 s
 FIRST_STATUS_S = 1.5  # longest wait for a first status; statuses come five times a second
 UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been sent before it
+SOURCE = "operator"
+KILL_REPEAT_S = 0.1  # between two copies of a kill; one that is lost costs a vehicle this much time
 FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period
 
 
 class Observer(Reader):
-    """Reads the messages of a running fleet, and waits for them.
+    """Reads the messages of a running fleet, waits for them, and cuts motors.
 
     `host` is the host whose router is used, by default the first one of the file; `timeout_s` is how long to
     look for the router; `clock` is monotonic [s], for ages and waits, by default that of the fleet. With a
@@ -123,6 +126,32 @@ class Observer(Reader):
             return all(arrived_after(from_s, age_s, now_s) for age_s in ages_s)
 
         self._notifier.wait_until(renewed, FIRST_STATUS_S)
+
+    def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 3.0) -> None:
+        """Cut the motors of some or all vehicles until `Vehicle.reset`; repeated until all arbiters confirm.
+
+        Raises `NotReachedError`: an arbiter is not KILLED after the copies of `timeout_s`; says which.
+        """
+        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(self._named(names)))
+        wanted = message.vehicles or tuple(self.file.vehicles)
+        from_s = self.session.clock()
+        confirmed: set[str] = set()
+
+        def missing() -> list[str]:
+            # A vehicle that has confirmed once may have been reset since.
+            for state in map(self.state_of, wanted):
+                # Earlier reports may be outdated.
+                recent = arrived_after(from_s, state.transmitter_age_s, self.session.clock())
+                if recent and state.transmitter_state == "killed":
+                    confirmed.add(state.name)
+            return [name for name in wanted if name not in confirmed]
+
+        for _ in range(max(1, round(timeout_s / KILL_REPEAT_S))):  # also after a stall of any length
+            self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
+            if self._notifier.wait_until(lambda: not missing(), KILL_REPEAT_S):
+                return
+        states = "; ".join(self.state_of(name).summary() for name in missing())
+        raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
 
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()

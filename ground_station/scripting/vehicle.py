@@ -1,18 +1,15 @@
 """The scripting interface of one vehicle: every call is a request on the bus."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from rcopterx.bus import requests
 from rcopterx.bus.message import FloatArray, Parameters, Setting
 from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
+from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-
-if TYPE_CHECKING:
-    from rcopterx.ground_station.scripting.fleet import Fleet
 
 ANSWER_S = 2.0  # longer than the lease of a link: a request is sent again when its link was lost
 RUN_IN_LIMIT_S = 30.0
@@ -35,7 +32,7 @@ def lines_of(error: BaseException) -> tuple[str, ...]:
 class Vehicle:
     """One vehicle of a running fleet."""
 
-    def __init__(self, fleet: "Fleet", name: str) -> None:
+    def __init__(self, fleet: Observer, name: str) -> None:
         self._fleet = fleet
         self.name = name
 
