@@ -12,7 +12,8 @@ from truth import MavlinkTruth, TrueState, main
 def state_of(message: Any) -> TrueState:
     """True state of a `SIM_STATE`, which SITL sends on request."""
     rotation = (message.q1, message.q2, message.q3, message.q4)
-    return TrueState(1e-7 * message.lat_int, 1e-7 * message.lon_int, message.alt, rotation)
+    velocity_m_s = (message.vn, message.ve, message.vd)
+    return TrueState(1e-7 * message.lat_int, 1e-7 * message.lon_int, message.alt, rotation, velocity_m_s)
 
 
 def vehicle(text: str) -> MavlinkTruth:

@@ -12,7 +12,8 @@ from truth import MavlinkTruth, TrueState, main
 def state_of(message: Any) -> TrueState:
     """True state of a `HIL_STATE_QUATERNION`, which PX4 fills from its ground truth."""
     rotation = message.attitude_quaternion
-    return TrueState(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt, rotation)
+    velocity_m_s = (0.01 * message.vx, 0.01 * message.vy, 0.01 * message.vz)
+    return TrueState(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt, rotation, velocity_m_s)
 
 
 def vehicle(text: str) -> MavlinkTruth:

@@ -2,19 +2,26 @@
 
 import argparse
 import math
+import random
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vehicles.state import Array
 
 RATE_HZ = 50.0
 REQUEST_S = 1.0
 METRES_PER_DEGREE = 111_319.5
+NOISE_M = 2e-4  # of a Tracker: poses that repeat themselves exactly count as frozen
+TRUST = 0.1  # share of the difference by which a message corrects the position that its velocity predicts
+PREDICTED_S = 0.1  # at most, from the newest message on
+MOVED_M = 0.1  # a greater difference is no coarse step: the simulation has put the vehicle elsewhere
 
 
 class Body(Protocol):
@@ -25,12 +32,34 @@ class Body(Protocol):
 
 
 class TrueState(NamedTuple):
-    """Latitude and longitude [degrees], height [m], rotation as w, x, y, z in north, east, down."""
+    """Latitude and longitude [degrees], height [m], rotation as w, x, y, z in north, east, down, velocity."""
 
     latitude_deg: float
     longitude_deg: float
     height_m: float
     rotation: Sequence[float]
+    velocity_m_s: Sequence[float]
+    """North, east, down."""
+
+
+class SmoothPath:
+    """Position that follows coarse ones, in steps of 10 mm and late or several at once, by their velocities."""
+
+    def __init__(self) -> None:
+        self._used_s: float | None = None
+        self._place_m = self._velocity_m_s = np.zeros(3)
+
+    def use(self, place_m: Sequence[float], velocity_m_s: Sequence[float], now_s: float) -> None:
+        """Use a position and its velocity."""
+        difference_m = np.array(place_m) - self.at(now_s)
+        moved = self._used_s is None or float(np.abs(difference_m).max()) > MOVED_M
+        self._place_m = self.at(now_s) + (1.0 if moved else TRUST) * difference_m
+        self._velocity_m_s, self._used_s = np.array(velocity_m_s), now_s
+
+    def at(self, now_s: float) -> Array:
+        """Position now."""
+        elapsed_s = 0.0 if self._used_s is None else min(now_s - self._used_s, PREDICTED_S)
+        return self._place_m + elapsed_s * self._velocity_m_s
 
 
 class MavlinkTruth:
@@ -45,32 +74,38 @@ class MavlinkTruth:
         self._link = mavutil.mavlink_connection(link, source_system=254)
         self._number, self._state_of = number, state_of
         self._name = mavlink.mavlink_map[number].msgname
-        self._requested_s, self._origin = -math.inf, None
+        self._requested_s, self._path = -math.inf, SmoothPath()
+        self._origin: TrueState | None = None
+        self._rotation: Sequence[float] = ()
 
     def body(self, now_s: float) -> TrackedBody:
         """See `Body`; requests the state once a second."""
-        while self._link.recv_msg() is not None:
-            pass
+        while (message := self._link.recv_msg()) is not None:
+            if message.get_type() == self._name:
+                self._use(self._state_of(message), now_s)
         if now_s > self._requested_s + REQUEST_S and self._link.target_system:
             self._requested_s = now_s
             words = (self._number, 1e6 / RATE_HZ, 0, 0, 0, 0, 0)
             command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
             self._link.mav.command_long_send(self._link.target_system, 1, command, 0, *words)
-        if self._name not in self._link.messages:
-            return TrackedBody(self._subject, (0.0, 0.0, 0.0), occluded=True)
-        state = self._state_of(self._link.messages[self._name])
         if self._origin is None:
-            self._origin = state
-        first = self._origin
+            return TrackedBody(self._subject, (0.0, 0.0, 0.0), occluded=True)
+        # y points left here, and z up: half a turn about x on both sides.
+        w, x, y, z = self._rotation
+        x_m, y_m, z_m = (random.gauss(part_m, NOISE_M) for part_m in self._path.at(now_s).tolist())
+        return TrackedBody(self._subject, (x_m, y_m, z_m), (x, -y, -z, w))
+
+    def _use(self, state: TrueState, now_s: float) -> None:
+        self._origin = first = self._origin or state
         east = METRES_PER_DEGREE * math.cos(math.radians(first.latitude_deg))
         place_m = (
             METRES_PER_DEGREE * (state.latitude_deg - first.latitude_deg),
             -east * (state.longitude_deg - first.longitude_deg),
             state.height_m - first.height_m,
         )
-        # y points left here, and z up: half a turn about x on both sides.
-        w, x, y, z = state.rotation
-        return TrackedBody(self._subject, place_m, (x, -y, -z, w))
+        north_m_s, east_m_s, down_m_s = state.velocity_m_s
+        self._path.use(place_m, (north_m_s, -east_m_s, -down_m_s), now_s)
+        self._rotation = state.rotation
 
 
 def show(bodies: Sequence[Body], port: int, ended: Callable[[], bool] = lambda: False) -> None:

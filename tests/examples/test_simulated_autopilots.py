@@ -1,5 +1,7 @@
 """Promise of the Trackers of simulated autopilots: they show true poses, in the axes of the laboratory."""
 
+import itertools
+import math
 import socket
 import sys
 import threading
@@ -8,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
@@ -114,7 +117,7 @@ def test_a_client_of_the_tracker_sees_the_true_state(
     try:
         with shown(vehicle(path.replace("udp://", "quad1=udpin:"))) as newest:
             first = newest(lambda _: True)
-            assert first.position_m == (0.0, 0.0, 0.0)
+            assert first.position_m == pytest.approx((0.0, 0.0, 0.0), abs=0.002), "noise of 0.2 mm"
             wait_for(lambda: simulation.requested == {number}, "no request")
             simulation.away = (1.0 / 111_319.5, 2.0 / 75_919.6, 103.0)
             pose = newest(lambda pose: pose.position_m is not None and pose.position_m[2] > 2.0)
@@ -123,6 +126,34 @@ def test_a_client_of_the_tracker_sees_the_true_state(
     assert pose.name == "quad1"
     assert pose.position_m == pytest.approx((1.0, -2.0, 3.0), abs=0.012), "steps of 1e-7 degrees"
     assert pose.quaternion_xyzw == pytest.approx(TURNED.quaternion_xyzw, abs=1e-4)
+
+
+@pytest.mark.parametrize("together", [1, 3])
+def test_a_coarse_height_that_arrives_late_is_shown_smooth_and_true(together: int) -> None:
+    path, shown_m, speed_m_s = truth.SmoothPath(), [], 1.2
+    for frame in range(200):
+        for late in reversed(range(together if frame % together == 0 else 0)):
+            height_m = 0.01 * math.floor(2.0 * speed_m_s * (frame - late))
+            path.use((0.0, 0.0, height_m), (0.0, 0.0, speed_m_s), 0.02 * frame)
+        shown_m.append(float(path.at(0.02 * frame)[2]))
+    steps_m = np.diff(shown_m[100:])
+    assert steps_m == pytest.approx(np.full(len(steps_m), 0.02 * speed_m_s), abs=0.001)
+    late_m = 0.02 * speed_m_s * np.arange(200) - shown_m
+    assert 0.0 < late_m[100:].min() <= late_m[100:].max() < 0.01 + 0.04 * speed_m_s * (together > 1)
+
+
+def test_a_vehicle_that_stands_does_not_repeat_its_pose() -> None:
+    [path] = udp_paths(1)
+    simulation = Simulation(udp_address(path), sim_state)
+    seen: list[SubjectPose] = []
+    try:
+        with shown(ardupilot.vehicle(path.replace("udp://", "quad1=udpin:"))) as newest:
+            while len(seen) < 20:
+                seen.append(newest(lambda _: True))
+    finally:
+        simulation.end()
+    places = [pose.position_m for pose in seen]
+    assert all(one != another for one, another in itertools.pairwise(places))
 
 
 def test_a_simulation_of_crazyflies_sends_its_poses_as_text() -> None:
