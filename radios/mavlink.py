@@ -125,7 +125,7 @@ class MavlinkProtocol(SetPointRadio):
         state = self._state
         packets = []
         for report, (number, interval_us, _) in REPORTS.items():
-            if not state.sees(report, self._now_s):
+            if state.wants(report, self._now_s):
                 packets.append(self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us))
         if not self._armed and state.sees("ATTITUDE", self._now_s):
             for name in self._parameters.wanted():

@@ -17,6 +17,9 @@ REPORTS = {  # on request: number, interval [us], and after how long one is miss
 }
 HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
 NO_VOLTAGE = 65_535
+SLOW = 2.0  # times the interval that was requested, on the mean: other programs request streams, too
+MEAN_SHARE = 0.1  # of each interval in that mean
+CLEARED = " Cleared"  # ArduPilot withdraws a text by the same one with this word
 UNEXPLAINED = "MAV_RESULT"
 _COPTER_MODES = (
     "STABILIZE", "ACRO", "ALT_HOLD", "AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE", "POSITION", "LAND",
@@ -97,6 +100,7 @@ class AutopilotState:
         self._autopilot = mode.autopilot
         self._claimed_s = self._heartbeat_s = -math.inf
         self._seen_s = dict.fromkeys(REPORTS, -math.inf)
+        self._interval_s = {report: 1e-6 * interval_us for report, (_, interval_us, _) in REPORTS.items()}
 
     def resume(self, now_s: float) -> None:
         """Assume that it flies and obeys, as if it had just reported it."""
@@ -119,9 +123,10 @@ class AutopilotState:
                 attitude_rad = (message.roll, message.pitch, message.yaw)
                 if not all(map(math.isfinite, attitude_rad)):
                     raise FrameDecodeError("mavlink: an attitude that is not finite")
-                self.attitude_rad, self._seen_s["ATTITUDE"] = attitude_rad, now_s
+                self.attitude_rad = attitude_rad
+                self._note_arrival("ATTITUDE", now_s)
             case "SYS_STATUS":
-                self._seen_s["SYS_STATUS"] = now_s
+                self._note_arrival("SYS_STATUS", now_s)
                 self._judge_health(message, now_s)
                 reported = message.voltage_battery != NO_VOLTAGE
                 self.voltage_v = 0.001 * message.voltage_battery if reported else None
@@ -132,6 +137,12 @@ class AutopilotState:
     def _explain(self, text: str, now_s: float) -> None:
         """Keep a warning, which may belong to what happens soon or has just happened."""
         text = " ".join("".join(one if one.isprintable() else " " for one in text).split())
+        if text.endswith(CLEARED):
+            withdrawn = text.removesuffix(CLEARED)
+            kept = [one for one in self._said if one[1] != withdrawn]
+            self._said.clear()
+            self._said.extend(kept)
+            return
         self._said.append((now_s, text))
         if self.complaint.startswith(UNEXPLAINED) and now_s <= self._refused_s + TEXT_S:
             self.complaint = text
@@ -185,6 +196,17 @@ class AutopilotState:
         """Mode that a pilot or a failsafe has chosen, with the warnings around the change."""
         name = MODE_NAMES.get((self._autopilot, self._reported), "of a pilot or a failsafe")
         return f"mode {name} ({self._reported})" + (f": {self._mode_reason}" if self._mode_reason else "")
+
+    def _note_arrival(self, report: str, now_s: float) -> None:
+        if self.sees(report, now_s):
+            elapsed_s = now_s - self._seen_s[report]
+            self._interval_s[report] += MEAN_SHARE * (elapsed_s - self._interval_s[report])
+        self._seen_s[report] = now_s
+
+    def wants(self, report: str, now_s: float) -> bool:
+        """Whether one of `REPORTS` has to be requested: it is missing, or less frequent than requested."""
+        slow = self._interval_s[report] > SLOW * 1e-6 * REPORTS[report][1]
+        return slow or not self.sees(report, now_s)
 
     def sees(self, report: str, now_s: float) -> bool:
         """Whether one of `REPORTS` arrives."""

@@ -54,6 +54,12 @@ PERIODS_S: Final = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.1,
 }
 """Of its reports, before other ones are requested."""
+STREAMS: Final = {
+    mavlink.MAV_DATA_STREAM_ALL: {mavlink.MAVLINK_MSG_ID_SYS_STATUS, mavlink.MAVLINK_MSG_ID_ATTITUDE},
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: {mavlink.MAVLINK_MSG_ID_SYS_STATUS},
+    mavlink.MAV_DATA_STREAM_EXTRA1: {mavlink.MAVLINK_MSG_ID_ATTITUDE},
+}
+"""Reports of the streams that ground stations request of ArduPilot, whose rates replace those of reports."""
 
 
 class EmulatedAutopilot(UdpVehicle):
@@ -139,6 +145,9 @@ class EmulatedAutopilot(UdpVehicle):
             self._take(packet, now_s)
         if kind == "VISION_POSITION_ESTIMATE":
             self._posed_s, self._strays = now_s, False
+        if kind == "REQUEST_DATA_STREAM" and self._ardupilot and packet.req_message_rate > 0:
+            for number in STREAMS.get(packet.req_stream_id, ()):
+                self._periods_s[number], self._due_s[number] = 1.0 / packet.req_message_rate, now_s
         if kind == "PARAM_REQUEST_READ" and packet.param_id in self.parameters:
             value, number = self.parameters[packet.param_id], len(self.parameters)
             name, real = packet.param_id.encode(), mavlink.MAV_PARAM_TYPE_REAL32

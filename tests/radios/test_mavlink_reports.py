@@ -123,6 +123,38 @@ def test_the_newest_text_of_failed_checks_is_the_reason() -> None:
         assert peer.text == REFUSES + text
 
 
+def test_a_text_that_the_autopilot_withdraws_is_no_reason() -> None:
+    peer = Peer(mode="guided")
+    peer.heartbeat(autopilot=ARDUPILOT, mode=0)
+    for text in ("GCS Failsafe", "PreArm: Accels inconsistent", "GCS Failsafe Cleared"):
+        peer.report(peer.link.statustext_encode(mavlink.MAV_SEVERITY_WARNING, text.encode()))
+    peer.summary(16_000, PREARM, 0)
+    assert peer.text == REFUSES + "PreArm: Accels inconsistent"
+
+
+def test_a_report_that_arrives_less_than_half_as_often_as_requested_is_requested_again() -> None:
+    def requests(interval: int) -> int:
+        found = 0
+        for number in range(80):
+            if number % interval == 0:
+                peer.attitude(0.0)
+            found += sum(
+                each.get_type() == "COMMAND_LONG" and each.param1 == mavlink.MAVLINK_MSG_ID_ATTITUDE
+                for each in peer.frame(LOW)
+                if each.get_type() == "COMMAND_LONG"
+            )
+        return found
+
+    peer = Peer(None)
+    peer.attitude(0.0)
+    peer.summary()
+    requests(1)
+    assert requests(1) == 0
+    assert requests(10) > 3, "4 Hz, as MAVProxy requests it"
+    requests(1)
+    assert requests(1) == 0
+
+
 def test_reports_that_do_not_arrive_are_requested_each_until_they_do() -> None:
     def requested() -> set[int]:
         return {

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 from mavlink_bench import WOULD_REFUSE, Bench
+from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES
 from rcopterx.simulator.autopilot import (
@@ -46,6 +47,35 @@ def test_a_vehicle_is_armed_in_its_mode_without_thrust_and_then_flies(bench: Ben
 @pytest.mark.parametrize("mode", ["guided", "guided_nogps"])
 def test_a_vehicle_flies_in_modes_of_ardupilot(mode: str) -> None:
     Bench(mode=mode).fly()
+
+
+def attitudes_per_s(bench: Bench) -> float:
+    """Attitudes that arrive in the next second."""
+    number, start_s = 0, bench.now_s
+    while bench.now_s < start_s + 1.0:
+        before = bench.vehicle.reports
+
+        def counted(now_s: float, before: Callable[[float], list[bytes]] = before) -> list[bytes]:
+            nonlocal number
+            packets = before(now_s)
+            number += sum(packet[7] == mavlink.MAVLINK_MSG_ID_ATTITUDE for packet in packets)
+            return packets
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(bench.vehicle, "reports", counted)
+            bench.run(0.1)
+    return number
+
+
+def test_attitudes_stay_frequent_when_another_ground_station_requests_slow_streams() -> None:
+    bench = Bench(mode="guided_nogps")
+    bench.fly()
+    assert attitudes_per_s(bench) >= 45
+    other = mavlink.MAVLink(None, 250, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+    request = mavlink.MAVLink_request_data_stream_message(1, 1, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
+    bench.vehicle.receive(request.pack(other), bench.now_s)
+    bench.run(1.0)
+    assert attitudes_per_s(bench) >= 45
 
 
 @pytest.mark.parametrize("mode", MODES)
