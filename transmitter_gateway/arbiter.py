@@ -210,7 +210,7 @@ class Arbiter:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
 
     def _conditions(self, now_s: float, stream: Stream | None, bridging: int) -> set[Condition]:
-        limits, state = self.limits, self.state
+        limits, state, sinks = self.limits, self.state, self.lift_off.sinking
         landing_over_s = self._landing_since_s + limits.landing.longest_s
         holds = {
             Condition.SHUTDOWN: self._shutdown,
@@ -219,7 +219,7 @@ class Arbiter:
             Condition.THRUST_WANTED: state is State.KILLED and self._validator.thrust_wanted(now_s),
             Condition.IDLE: state is State.ARMED and now_s >= self._idle_at_s,
             Condition.HOLD_OVER: state is State.HOLD and now_s >= self._entered_s + limits.hold_limit_s,
-            Condition.DESCENT_OVER: state is State.DESCEND and now_s >= self._descended_s,
+            Condition.DESCENT_OVER: state is State.DESCEND and not sinks and now_s >= self._descended_s,
             Condition.LANDING_OVER: state in ON_THE_WAY_DOWN and now_s >= landing_over_s,
         }
         if stream is not None:
@@ -234,7 +234,7 @@ class Arbiter:
         self._find(Condition.GIVEN_UP, None if stream is None else stream.command.given_up, found)
         self._judge_poses(found, now_s)
         if state in FLYING:
-            failing = Condition.SINKING if self.lift_off.sinking else Condition.LIFT_OFF
+            failing = Condition.SINKING if sinks else Condition.LIFT_OFF
             self._find(failing, self.lift_off.problem, found)
         return found
 

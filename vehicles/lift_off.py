@@ -20,6 +20,12 @@ UNSEEN_M_S: Final = 0.8  # speed that a vehicle that hovers with this thrust may
 AGAIN_M_S: Final = 0.3  # of which a vehicle that is seen to stand again has reached so much at most
 RESTING_SHARE: Final = 0.76  # of the hover thrust: all vehicles sink gently with it
 SINKING_S: Final = 1.2  # time in which a vehicle sinks after a problem
+LONGEST_SINK_S: Final = 6.0  # ...if it is seen above the floor and not still...
+STILL_S, STILL_M = 0.6, 0.02  # ...for so long within so much: in the air its thrust falls until it sinks
+SINK_M_S: Final = 0.4  # climb rate wanted then, downwards
+SINK_PER_M_S: Final = 0.25  # shares of the hover thrust per error of the climb rate...
+SINK_PER_M: Final = 0.3  # ...and per its integral
+LEAST_REST, MOST_REST = 0.3, 1.1  # of the share that carries it, as it was seen
 STOPPED_M: Final = 0.003  # a vehicle that has risen moves on by so much before it may be so fast unseen
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 STARTED: Final = 0.02  # share of the hover thrust from which on the vehicle is not in a hand
@@ -106,6 +112,9 @@ class LiftOffProof:
         self._rise_m = self._climb_m_s = 0.0  # as seen
         self._unseen_m = self._unseen_m_s = 0.0  # height and climb rate of a vehicle like its model
         self._sunk_s, self._flew, self._braked = 0.0, False, False  # since a problem
+        self._ended_m: float | None = None  # height seen just after it
+        self._answers, self._rest, self._blind_s = False, RESTING_SHARE, 0.0
+        self._still_m, self._still_since_s = 0.0, -math.inf
         self._moved_m = self._moved_m_s = 0.0  # seen height and unseen climb rate when it moved last
         self._others: dict[str, _Other] = {}
 
@@ -129,7 +138,15 @@ class LiftOffProof:
     @property
     def sinking(self) -> bool:
         """Whether a vehicle that may have left the floor still sinks to it after a problem."""
-        return self.problem is not None and self._sunk_s < SINKING_S
+        limit_s = LONGEST_SINK_S if self._aloft else SINKING_S
+        return self.problem is not None and self._sunk_s < limit_s
+
+    @property
+    def _aloft(self) -> bool:
+        """Whether it is seen above the floor after a problem, and not standing on something."""
+        still = bool(self._newest) and self._newest[-1][0] >= self._still_since_s + STILL_S
+        seen = self._ended_m is not None and self._repeats < REPEATED and self._blind_s < WAITED_S
+        return seen and self._rise_m > MAT_M and not still
 
     @property
     def unfinished(self) -> bool:
@@ -138,7 +155,10 @@ class LiftOffProof:
 
     @property
     def sinking_thrust(self) -> float:
-        """Thrust that brings it to the floor gently, without any pose."""
+        """Thrust that brings it to the floor gently, by its climb rate if its pose answers, else without."""
+        if self.problem is not None and self._answers:
+            too_fast_m_s = self._climb_m_s + SINK_M_S
+            return max(self._rest - SINK_PER_M_S * too_fast_m_s, 0.0) * self._limits.hover_thrust
         sinks = self._flew and self._braked
         if self.unfinished:
             climb_m_s = min(self._climb_m_s, self._unseen_m_s)  # poses may be missing meanwhile
@@ -150,7 +170,7 @@ class LiftOffProof:
         if stands and self._bounded:
             if self._tried and not self.proved:
                 self._end(NOT_RISEN)
-                self._sunk_s = SINKING_S
+                self._sunk_s = math.inf
             elif self.proved and self.problem is None:
                 self.begin()
         self._tried = self._tried or self._acting > WEAK_SHARE * self._limits.hover_thrust
@@ -163,6 +183,7 @@ class LiftOffProof:
             self._unseen_m, self._unseen_m_s = 0.0, max(self._unseen_m_s, 0.0)
         if self.problem is not None:
             self._sunk_s += elapsed_s
+            self._blind_s += elapsed_s
             self._braked = self._braked or braked(self._unseen_m_s, self.share, self._limits.rotor_lag_s)
         elif self._rise_m < ROSE_M and self._unseen_m_s > UNSEEN_M_S:
             self._end(NOT_RISEN)
@@ -183,7 +204,7 @@ class LiftOffProof:
         self._newest.append((now_s, pose.position_m))
         while self._newest[0][0] < now_s - AVERAGED_S:
             self._newest.popleft()
-        if self._stands is None or not (self.turning or self.proved):
+        if self._stands is None or not (self.turning or self.proved or self.problem):
             self._stands = _standing(self._stands, pose)
             return
         if last is not None and now_s > last[0] + GAP_S:
@@ -193,6 +214,8 @@ class LiftOffProof:
             self._moved_m_s = self._unseen_m_s
         if self._repeats == 0:
             self._follow(self._stands.position_m[2])
+            if self.problem is not None:
+                self._watch_descent(now_s, 0.0 if last is None else min(now_s - last[0], GAP_S))
         if not self.proved:
             self._judge(pose, self._stands)
         self._clear = self.proved and self.problem is None and self._rise_m > CLEAR_M
@@ -234,6 +257,19 @@ class LiftOffProof:
         if self._rise_m <= ROSE_M < before_m and self.problem is None:
             self._unseen_m, self._unseen_m_s = 0.0, min(self._unseen_m_s, AGAIN_M_S)
 
+    def _watch_descent(self, now_s: float, elapsed_s: float) -> None:
+        """Note after a problem whether its pose still moves, and what share of the thrust carries it."""
+        self._blind_s = 0.0
+        if self._ended_m is None:
+            self._ended_m = self._rise_m
+        if abs(self._rise_m - self._still_m) > STILL_M:
+            self._still_m, self._still_since_s = self._rise_m, now_s
+        moved = abs(self._rise_m - self._ended_m) > PROVED_M
+        self._answers = self._answers or moved or (self._aloft and self._sunk_s >= SINKING_S)
+        if self._answers:
+            rest = self._rest - SINK_PER_M * elapsed_s * (self._climb_m_s + SINK_M_S)
+            self._rest = min(max(rest, LEAST_REST), MOST_REST)
+
     def _judge(self, pose: SeenPose, stands: SeenPose) -> None:
         """Judge the mean of the newest poses against where the vehicle stood."""
         rise_m = self._rise_m
@@ -244,7 +280,7 @@ class LiftOffProof:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")
-                self._sunk_s = SINKING_S  # it would not sink but slide
+                self._sunk_s = math.inf  # it would not sink but slide
         if rise_m > MAT_M and not self._tried:
             self._end("its pose rose while its rotor could not lift it: subjects or radios exchanged?")
         low_m = ROSE_M if self._acting > self._limits.hover_thrust else MAT_M
@@ -262,6 +298,7 @@ class LiftOffProof:
                 self._unseen_m = self._rise_m + self._climb_m_s * since_s
                 self._unseen_m_s = self._climb_m_s
             self._flew = self._unseen_m > 0.0
+            self._newest.clear()  # poses before a jump say nothing of the speed after it
 
 
 def _standing(before: SeenPose | None, pose: SeenPose) -> SeenPose:
