@@ -20,15 +20,15 @@ REQUEST_S = 1.0
 METRES_PER_DEGREE = 111_319.5
 NOISE_M = 2e-4  # of a Tracker: poses that repeat themselves exactly count as frozen
 TRUST = 0.1  # share of the difference by which a message corrects the position that its velocity predicts
-PREDICTED_S = 0.1  # at most, from the newest message on
-MOVED_M = 0.1  # a greater difference is no coarse step: the simulation has put the vehicle elsewhere
+PREDICTED_S = 0.1  # from the newest message on; later the vehicle is occluded, and found again
+MOVED_M = 0.3  # a greater difference is no coarse step: the simulation has put the vehicle elsewhere
 
 
 class Body(Protocol):
     """A subject of the Tracker."""
 
     def body(self, now_s: float) -> TrackedBody:
-        """Newest pose; occluded before the first one."""
+        """Newest pose; occluded without one."""
 
 
 class TrueState(NamedTuple):
@@ -43,22 +43,26 @@ class TrueState(NamedTuple):
 
 
 class SmoothPath:
-    """Position that follows coarse ones, in steps of 10 mm and late or several at once, by their velocities."""
+    """Follows positions in steps of 10 mm, which arrive late or several at once, by their velocities."""
 
     def __init__(self) -> None:
-        self._used_s: float | None = None
+        self._used_s = -math.inf
         self._place_m = self._velocity_m_s = np.zeros(3)
 
     def use(self, place_m: Sequence[float], velocity_m_s: Sequence[float], now_s: float) -> None:
         """Use a position and its velocity."""
         difference_m = np.array(place_m) - self.at(now_s)
-        moved = self._used_s is None or float(np.abs(difference_m).max()) > MOVED_M
+        moved = not self.seen(now_s) or float(np.abs(difference_m).max()) > MOVED_M
         self._place_m = self.at(now_s) + (1.0 if moved else TRUST) * difference_m
         self._velocity_m_s, self._used_s = np.array(velocity_m_s), now_s
 
+    def seen(self, now_s: float) -> bool:
+        """Whether a position is new enough."""
+        return now_s <= self._used_s + PREDICTED_S
+
     def at(self, now_s: float) -> Array:
         """Position now."""
-        elapsed_s = 0.0 if self._used_s is None else min(now_s - self._used_s, PREDICTED_S)
+        elapsed_s = now_s - self._used_s if self.seen(now_s) else 0.0
         return self._place_m + elapsed_s * self._velocity_m_s
 
 
@@ -88,7 +92,7 @@ class MavlinkTruth:
             words = (self._number, 1e6 / RATE_HZ, 0, 0, 0, 0, 0)
             command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
             self._link.mav.command_long_send(self._link.target_system, 1, command, 0, *words)
-        if self._origin is None:
+        if not self._path.seen(now_s):
             return TrackedBody(self._subject, (0.0, 0.0, 0.0), occluded=True)
         # y points left here, and z up: half a turn about x on both sides.
         w, x, y, z = self._rotation

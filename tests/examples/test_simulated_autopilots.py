@@ -142,6 +142,15 @@ def test_a_coarse_height_that_arrives_late_is_shown_smooth_and_true(together: in
     assert 0.0 < late_m[100:].min() <= late_m[100:].max() < 0.01 + 0.04 * speed_m_s * (together > 1)
 
 
+def test_a_position_that_is_missing_for_long_is_not_seen_and_the_next_one_counts() -> None:
+    path = truth.SmoothPath()
+    path.use((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)
+    assert path.seen(1.09)
+    assert not path.seen(1.11)
+    path.use((0.0, 0.0, 0.2), (0.0, 0.0, 1.0), 1.2)
+    assert path.at(1.2).tolist() == [0.0, 0.0, 0.2]
+
+
 def test_a_vehicle_that_stands_does_not_repeat_its_pose() -> None:
     [path] = udp_paths(1)
     simulation = Simulation(udp_address(path), sim_state)
