@@ -184,6 +184,7 @@ class Reporter:
             pose_age_s=pose_age_s,
             late_share=late_share,
             host=self._settings.bus.host or None,
+            home_m=None if (home_m := guidance.task.home_m) is None else (*home_m, guidance.task.floor_m),
         )
         self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self.last_status)
 

@@ -150,6 +150,7 @@ def intent_of(
         flown_by=configuration.message,
         previous=None if previous is None else previous.message,
         path_requested=isinstance(path, set_points.PathReference),
+        home_m=task.home_m,
     )
 
 
@@ -170,7 +171,16 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
         joined = frozenset(intent.joined)
     # Else others replaced lost leaders; the successor decides again whether they still have to.
     interrupted = None if intent.interrupted is None else Phase(intent.interrupted)
-    return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m, interrupted)
+    return Task(
+        Phase(intent.phase),
+        source,
+        followed,
+        assigned,
+        joined,
+        intent.floor_m,
+        interrupted,
+        home_m=intent.home_m,
+    )
 
 
 def passed_s(intent: Intent, age_s: float, clock: FleetClock) -> float:

@@ -82,6 +82,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Control lease of the agent."""
     path_requested: bool = True
     """Whether the path is that of a request `fly`; false for a way to the set point."""
+    home_m: tuple[Number, Number] | None = None
+    """Where the vehicle stood when it took off last, on the floor at `floor_m`: x and y; absent before."""
 
     def check(self) -> None:
         """See `Message.check`."""

@@ -292,6 +292,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     more agents on the host."""
     host: Name | None = None
     """Host of the agent."""
+    home_m: Three | None = None
+    """Where the vehicle stood when it took off last; absent before."""
 
 
 class Battery(Struct, frozen=True, kw_only=True):

@@ -39,6 +39,7 @@ class Task:
     floor_m: float = 0.0  # height of the floor below the vehicle when it took off
     interrupted: Phase | None = None  # take-off or landing that the gateway has interrupted
     climb_end_m: Array = field(default_factory=lambda: np.zeros(3))  # where its last take-off ends
+    home_m: tuple[float, float] | None = None  # where it stood when it took off, x and y; None before
 
 
 TAKE_OFF_SPEED_M_S = 0.6
@@ -150,7 +151,7 @@ class Guidance:
         if problem is not None:
             return problem
         start = estimate.motion[:3].copy()
-        self.task.floor_m = float(start[2])
+        self.task.floor_m, self.task.home_m = float(start[2]), (float(start[0]), float(start[1]))
         self._climb_to(start + np.array([0.0, 0.0, height_m]), estimate, time_s)
         self.on_event(Event.TAKE_OFF, estimate, time_s)
         return None
@@ -253,7 +254,7 @@ class Guidance:
         own.assigned, own.joined, own.followed = task.assigned, task.joined, task.followed
         if task.phase not in AIRBORNE:
             return
-        own.floor_m, self._restored_at_s = task.floor_m, time_s
+        own.floor_m, own.home_m, self._restored_at_s = task.floor_m, task.home_m, time_s
         unfinished = task.interrupted or task.phase
         if unfinished is Phase.LANDING:
             self.land(estimate, time_s)

@@ -77,7 +77,8 @@ def tasks(draw: st.DrawFn) -> Task:
     joined = frozenset(link.leader for link in followed)
     phase = draw(st.sampled_from((Phase.FLYING, Phase.TAKEOFF, Phase.EMERGENCY)))
     interrupted = draw(st.sampled_from((None, Phase.TAKEOFF))) if phase is Phase.EMERGENCY else None
-    return Task(phase, draw(sources()), followed, assigned, joined, draw(numbers), interrupted)
+    home_m = draw(st.none() | st.tuples(numbers, numbers))
+    return Task(phase, draw(sources()), followed, assigned, joined, draw(numbers), interrupted, home_m=home_m)
 
 
 def clock_at(epoch: int, frame: int, time_s: float = 0.0) -> FleetClock:
@@ -110,6 +111,7 @@ def test_references_and_offsets_go_on_as_if_nothing_had_happened(
             assert (is_now.frame, new.weight) == (was.frame, old.weight)
     assert (restored.phase, restored.joined, restored.floor_m) == (task.phase, task.joined, task.floor_m)
     assert restored.interrupted is task.interrupted
+    assert restored.home_m == task.home_m
 
 
 def plan(yaw_rad: float) -> LeaderPlan:
