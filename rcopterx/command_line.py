@@ -17,7 +17,7 @@ COMMANDS: Final = {
     "Steer a running fleet": (
         "steer.arm", "steer.takeoff", "steer.goto", "steer.follow", "steer.lead", "steer.swap",
         "steer.promote", "trajectory.trajectory", "steer.tune", "steer.join", "steer.leave", "steer.move",
-        "steer.land", "steer.disarm", "steer.kill", "steer.reset",
+        "steer.home", "steer.land", "steer.disarm", "steer.kill", "steer.reset",
     ),
     "Flight logs": (
         "flights.flights", "flights.replay", "flights.report", "flights.export", "flights.recover",

@@ -75,6 +75,11 @@ class PageSteering:
         names = None if name is None else [name]
         self.run(f"landing of {name or 'all'}", lambda: self._fleet.land(names), "landed")
 
+    def home(self, name: Name | None) -> None:
+        """Bring one or all vehicles back to where they took off."""
+        names = None if name is None else [name]
+        self.run(f"way home of {name or 'all'}", lambda: self._fleet.home(names), "home")
+
     def kill(self) -> None:
         """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
         try:
@@ -178,8 +183,8 @@ class PageSteering:
 
 
 ALLOWED: Final = (
-    "kill", "take_off", "land", "reset", "move", "go_to", "follow", "formation", "promote", "use_controller",
-    "weigh", "fly_through",
+    "kill", "take_off", "home", "land", "reset", "move", "go_to", "follow", "formation", "promote",
+    "use_controller", "weigh", "fly_through",
 )  # fmt: skip
 
 

@@ -334,6 +334,18 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 problems[0].add_note(str(other))
             raise problems[0]
 
+    def home(self, names: Iterable[str] | None = None) -> None:
+        """Let vehicles, by default all, fly back to where they took off, clear of each other, and land.
+
+        A vehicle whose place is taken lands at the nearest free one. Trajectories end; vehicles that follow
+        one of them, and do not come home, hold. Raises as `land` does, and `RefusedError`: no place or no way
+        is free, or a vehicle refuses its way; all hover then.
+        """
+        from rcopterx.ground_station.scripting.homing import fly_home  # Few programs come home.
+
+        self.wait_for_status(names := None if names is None else self._named(names))
+        fly_home(self, self._vehicles, self.present() if names is None else names, self.land)
+
 
 @contextmanager
 def _collected(problems: list[Exception]) -> Iterator[None]:

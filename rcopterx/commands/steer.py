@@ -178,6 +178,13 @@ def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
         typer.echo("landed")
 
 
+def home(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
+    """Fly back to where the vehicles took off, clear of each other, and land there."""
+    with running_fleet(fleet, vehicles) as running:
+        running.home(vehicles or None)
+        typer.echo("home")
+
+
 def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Cut the motors at once, until `rcopterx reset`. Vehicles in the air fall.
 

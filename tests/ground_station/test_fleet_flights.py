@@ -30,6 +30,17 @@ def test_take_off_arms_and_climbs_every_vehicle_and_waits(fleet: Fleet, vehicles
         assert vehicle.requests == [Arm(), TakeOff(height_m=0.7)]
 
 
+def test_vehicles_hold_where_they_are_if_one_refuses_its_way_home(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    vehicles["h1"].position_m, vehicles["h2"].position_m = (0.5, 0.0, 1.0), (-0.5, 0.0, 1.0)
+    vehicles["h2"].refusals["fly"] = "too fast"
+    with pytest.raises(RefusedError, match="h2: too fast"):
+        fleet.home()
+    for vehicle in vehicles.values():
+        assert vehicle.verbs == ["Lead", "Fly", "Lead"]
+        assert vehicle.phase == "flying"
+
+
 def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicles: Vehicles) -> None:
     put(vehicles, fleet, "flying", ["h1"])
     fleet.take_off(["h1"])

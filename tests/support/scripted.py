@@ -106,11 +106,15 @@ class ScriptedVehicle:
             self.plan_at(request.set_point.position_m, request.set_point.yaw_rad)
         elif isinstance(request, Fly):
             self.path_left_s = PATH_S
+            x, y, z, yaw_rad = request.knots.to_numpy()[-1, 1:5].tolist()
+            self.set_point = SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad)
+            self.plan_at((x, y, z), yaw_rad)
         elif isinstance(request, Follow):
             self.following = self.assigned = request.following
             self.plan_at(self.position_m)
         elif isinstance(request, Lead):
             self.following = self.assigned = ()
+            self.set_point = SetPoint(position_m=self.position_m, yaw_rad=self.yaw_rad)
 
     def plan_at(
         self, position_m: tuple[float, float, float], yaw_rad: float = 0.0, error_m: float = 0.0

@@ -1,4 +1,4 @@
-/** KILL by button and space bar, repeated until it is accepted; take-off, landing and reset of the fleet. */
+/** KILL by button and space bar, repeated until it is accepted; take-off, way home, landing and reset of the fleet. */
 import { isConnected, link, request, send } from './link.js';
 
 const AGAIN_MS = 100, TRIED_MS = 10000;
@@ -49,7 +49,7 @@ link.addEventListener('texts', ({ detail }) => {
   document.querySelector('#requests [value=reset]').hidden = !detail.killed;
 });
 for (const one of document.querySelectorAll('#requests button')) {
-  one.addEventListener('click', () => send(one.value, one.value === 'land' ? { name: null } : {}));
+  one.addEventListener('click', () => send(one.value, ['home', 'land'].includes(one.value) ? { name: null } : {}));
 }
 
 // The space bar is KILL wherever the focus is: sliders, lists and buttons would react to it themselves.

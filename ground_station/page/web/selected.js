@@ -25,7 +25,7 @@ export class Selected {
     this.listening = true;
     this.control('leader').addEventListener('change', ({ target }) => send('follow', { name: this.name, leader: target.value || null }));
     this.control('controller').addEventListener('change', ({ target }) => send('use_controller', { name: this.name, controller: target.value }));
-    this.control('land').addEventListener('click', () => send('land', { name: this.name }));
+    for (const what of ['home', 'land']) this.control(what).addEventListener('click', () => send(what, { name: this.name }));
     one('#goto').addEventListener('submit', (event) => {
       event.preventDefault();
       const [x, y, z, heading] = ['x', 'y', 'z', 'heading'].map((name) => Number(this.control(name).value));

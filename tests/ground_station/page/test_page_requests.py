@@ -184,6 +184,18 @@ def test_take_off_and_landing_are_requested_of_all_vehicles_or_of_one(
     assert [refused for _, refused in opened.notices] == [False, False, False]
 
 
+def test_vehicles_come_home_together_or_one_of_them(opened: Opened, fleet: Fleet, vehicles: Vehicles) -> None:
+    fly(fleet, vehicles)
+    vehicles["h1"].position_m, vehicles["h2"].position_m = (0.5, 0.0, 1.0), (-0.5, 0.0, 1.0)
+    opened.do("home", name="h2")
+    assert vehicles["h2"].verbs[-4:] == ["Lead", "Fly", "Land", "Disarm"]
+    assert [vehicle.phase for vehicle in vehicles.values()] == ["flying", "ground"]
+    opened.do("home", name=None)
+    assert vehicles["h1"].verbs[-4:] == ["Lead", "Fly", "Land", "Disarm"]
+    assert {vehicle.phase for vehicle in vehicles.values()} == {"ground"}
+    assert opened.notices == [("home", False)] * 2
+
+
 def test_a_leader_that_is_chosen_is_followed_from_where_the_vehicle_is(
     opened: Opened, fleet: Fleet, vehicles: Vehicles
 ) -> None:
