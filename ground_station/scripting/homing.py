@@ -1,7 +1,7 @@
 """Brings vehicles home: they hold, fly back on ways that keep clear of each other, and land."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from typing import Final
 
@@ -17,11 +17,11 @@ from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.state import arrival_problem
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
-from rcopterx.vehicles.phases import AIRBORNE, Phase
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array, three
 
 FREE_FLIGHT_S: Final = 10.0  # for take-offs to end, and for transmitter gateways to return vehicles
-SETTLING_S: Final = 3.0
+SETTLING_S: Final = 2.5  # for vehicles to come to rest at their set points, at which their ways begin
 ARRIVED_M: Final = 0.1
 ARRIVAL_S: Final = 5.0  # after the last way has ended
 INSIDE_M: Final = 0.1  # distance from the borders of the flight volume
@@ -53,12 +53,12 @@ def fly_home(
 
 
 def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[str]) -> list[str]:
-    """Let the vehicles that fly, and all that follow them, hold inside the volume; return the former."""
+    """Let the vehicles that fly, and all that follow them, hold; return the former."""
 
     def in_phase(*phases: Phase) -> list[str]:
         return [name for name, status in fleet.statuses().items() if name in names and status.phase in phases]
 
-    with _tolerated():  # A vehicle that a transmitter gateway lands comes down where it is.
+    with suppress(NotReachedError):  # A vehicle that a transmitter gateway lands comes down where it is.
         fleet.wait_until(
             lambda: not in_phase(Phase.TAKEOFF, Phase.EMERGENCY), FREE_FLIGHT_S, "no free flight"
         )
@@ -66,80 +66,41 @@ def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[s
     links, _ = formation_of(fleet.statuses())
     for name in dict.fromkeys(chain(flying, *(followers(links, name) for name in flying))):
         vehicles[name].lead()
-    _settle(fleet, flying)
-    room = _room(fleet)
-    for name in flying:
-        place = _set_point(fleet, name)
-        inside_m = np.clip(place[:3], room.min_m, room.max_m)
-        if not np.array_equal(inside_m, place[:3]):
-            vehicles[name].go_to(inside_m.tolist(), float(place[3]))
-    _settle(fleet, flying)
+    fleet.wait(SETTLING_S)
     return flying
-
-
-def _settle(fleet: Observer, names: Sequence[str]) -> None:
-    """Wait a while until vehicles are at their set points, at which their ways begin in any case."""
-    with _tolerated():
-        fleet.wait_for_arrival(names, ARRIVED_M, SETTLING_S)
-
-
-@contextmanager
-def _tolerated() -> Iterator[None]:
-    """Go on if what the block waits for is not reached, unless a stop was requested."""
-    try:
-        yield
-    except StoppedError:
-        raise
-    except NotReachedError:
-        pass
 
 
 def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     """Return ways from the set points of vehicles to their places; `RefusedError` if one has none."""
-    room, floor_m, statuses = _room(fleet), min(fleet.file.volume.min_m[2], 0.0), fleet.statuses()
-    present = {name: _set_point(fleet, name) for name in flying}
-    homes_m = {name: np.array(statuses[name].home_m or (*present[name][:2], floor_m)) for name in flying}
-    standing_m, hovering_m = _others(fleet, flying)
-    avoidance = fleet.file.avoidance
+    volume, avoidance, statuses = fleet.file.volume, fleet.file.avoidance, fleet.statuses()
+    if missing := [name for name in flying if name not in statuses]:
+        raise RefusedError(f"{', '.join(missing)}: the agent is silent")
+    low_m, high_m = np.array(volume.min_m) + INSIDE_M, np.array(volume.max_m) - INSIDE_M
+    distance_m = limits_of(fleet.file, next(iter(fleet.file.vehicles))).surveillance.minimum_distance_m
+    room = Room(three(low_m), three(high_m), distance_m)
+    present, homes_m = {}, {}
+    for name in flying:
+        status = statuses[name]
+        inside_m = np.clip(status.set_point.position_m, low_m, high_m)
+        present[name] = np.append(inside_m, status.set_point.yaw_rad)
+        homes_m[name] = np.array(status.home_m or (*inside_m[:2], min(volume.min_m[2], 0.0)))
+    others_m = _others(fleet, flying)
     across_m = avoidance.horizontal_m + TIMING_M
-    ends_m = free_places(homes_m, standing_m, room, across_m)
+    ends_m = free_places(homes_m, others_m, room, across_m)
     if missing := [name for name in flying if name not in ends_m]:
         raise RefusedError(f"{', '.join(missing)}: no place on the floor is free")
-    ways = ways_to(ends_m, present, [*standing_m, *hovering_m], room, (across_m, avoidance.vertical_m))
+    ways = ways_to(ends_m, present, others_m, room, (across_m, avoidance.vertical_m))
     if missing := [name for name in flying if name not in ways]:
         raise RefusedError(f"{', '.join(missing)}: no way home is clear of the others")
     return ways
 
 
-def _others(fleet: Observer, flying: Sequence[str]) -> tuple[list[Array], list[Array]]:
-    """Return places of other vehicles: of those on the floor, or on the way to it, and of all in the air."""
-    standing_m, hovering_m = [], []
-    for name in fleet.file.vehicles:
-        status, seen_at_m = fleet.statuses().get(name), fleet.state_of(name).seen_at_m
-        if name in flying:
-            continue
-        place_m = seen_at_m if status is None else status.position_m
-        if place_m is not None and (status is None or status.phase != Phase.FLYING):
-            standing_m.append(np.array(place_m))
-        if status is not None and status.phase in AIRBORNE:
-            hovering_m += [np.array(at) for at in (place_m, status.set_point.position_m) if at is not None]
-    return standing_m, hovering_m
-
-
-def _set_point(fleet: Observer, name: str) -> Array:
-    """Where a vehicle hovers: x y z [m], yaw [rad]."""
-    status = fleet.statuses().get(name)
-    if status is None:
-        raise RefusedError(f"{name}: its agent is silent")
-    return np.array([*status.set_point.position_m, status.set_point.yaw_rad])
-
-
-def _room(fleet: Observer) -> Room:
-    """Return the flight volume without a margin at its borders, and the minimum distance."""
-    volume, name = fleet.file.volume, next(iter(fleet.file.vehicles))
-    low_m, high_m = np.array(volume.min_m) + INSIDE_M, np.array(volume.max_m) - INSIDE_M
-    distance_m = limits_of(fleet.file, name).surveillance.minimum_distance_m
-    return Room(three(low_m), three(high_m), distance_m)
+def _others(fleet: Observer, flying: Sequence[str]) -> list[Array]:
+    """Return places of other vehicles, and the set points of those in the air."""
+    states = [fleet.state_of(name) for name in fleet.file.vehicles if name not in flying]
+    places_m = [state.seen_at_m if state.agent is None else state.agent.position_m for state in states]
+    places_m += [state.agent.set_point.position_m for state in states if state.agent and state.airborne]
+    return [np.array(place_m) for place_m in places_m if place_m is not None]
 
 
 def _begin(fleet: Observer, vehicles: Mapping[str, Vehicle], ways: Mapping[str, FlightPath]) -> None:
