@@ -5,6 +5,8 @@ States, transitions, order and numbers: crazyflie-firmware 2026.08 (2a18fc2), `s
 """
 
 import math
+import tomllib
+from importlib.resources import files
 from typing import Final
 
 from rcopterx.radios.crtp import SupervisorState
@@ -22,23 +24,7 @@ BLOCKED_S: Final = 0.2  # of a motor that turns below `MOTORS_RPM_NOT_RESPONDING
 FREE_FALL_G: Final = 0.1  # less in every direction is no tumble
 TILTED_G, TILTED_S = 0.5, 1.0  # `SUPERVISOR_TUMBLE_CHECK_ACCEPTED_TILT_ACCZ` and `_TIME`
 INVERTED_G, INVERTED_S = -0.2, 0.1  # `SUPERVISOR_TUMBLE_CHECK_ACCEPTED_UPSIDEDOWN_ACCZ` and `_TIME`
-TRANSITIONS: Final[dict[str, dict[str, str]]] = {
-    "checks fail": {"free fall": "stop", "checks pass": "not-tumbled"},
-    "checks pass": {"free fall": "stop", "checks fail": "tumbled", "arming": "armed"},
-    "arming": {"free fall": "stop", "checks fail": "tumbled slow not-armed", "ready": "spun"},
-    "ready": {"free fall": "stop blocked", "checks fail": "tumbled stood not-armed", "flying": "thrust"},
-    "flying": {
-        "free fall": "gone stop blocked", "crashed": "tumbled", "reset": "not-armed",
-        "level": "late", "landed": "not-thrust",
-    },
-    "level": {"free fall": "gone tumbled stop blocked", "flying": "not-late"},
-    "landed": {"reset": "rested not-armed", "free fall": "blocked", "flying": "thrust"},
-    "reset": {"checks fail": "always"},
-    "free fall": {"locked": "always"},
-    "locked": {},
-    "crashed": {"checks fail": "recovered", "locked": "stop"},
-}  # fmt: skip
-"""By state: the first one follows of whose conditions (`FirmwareSupervisor.step`) any holds."""
+TRANSITIONS: Final = tomllib.loads((files(__package__) / "crazyflie_states.toml").read_text("utf-8"))
 STANDING_G: Final = 1.0, 0.0
 FLIES: Final = ("ready", "flying", "level", "landed")
 
