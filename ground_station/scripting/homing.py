@@ -81,6 +81,7 @@ def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     present, homes_m = {}, {}
     for name in flying:
         status = statuses[name]
+        # From outside, the run-in of a trajectory leads to its beginning.
         inside_m = np.clip(status.set_point.position_m, low_m, high_m)
         present[name] = np.append(inside_m, status.set_point.yaw_rad)
         homes_m[name] = np.array(status.home_m or (*inside_m[:2], min(volume.min_m[2], 0.0)))
