@@ -25,6 +25,7 @@ PAUSE: Final = 2  # samples between two moments at which a way may begin
 ABOVE_M: Final = 0.3  # height above the floor at which ways end
 LEVELS: Final = 3  # heights of ways with several legs
 ASIDE_M: Final = (-1.0, -0.5, 0.0, 0.5, 1.0)  # distances from the straight way at which others lead
+TRIES: Final = 3  # with other places aside, the same in every program
 ROUNDS: Final = 30  # after each one without a new way, vehicles move aside
 FREE_PLACES_M: Final = 0.1  # spacing of places that replace one that is taken
 
@@ -46,8 +47,10 @@ def ways_to(
     aims = np.array([(*ends_m[name], place[3]) for name, place in present.items()])
     aims[:, 2] = np.maximum(aims[:, 2] + ABOVE_M, room.min_m[2])
     across_m, upright_m = half_axes_m
-    planner = _Planner(starts, aims, standing_m, room, np.array([across_m, across_m, upright_m]))
-    ways = planner.ways()
+    axes_m, ways = np.array([across_m, across_m, upright_m]), dict[int, FlightPath]()
+    for seed in range(TRIES):
+        if len(ways) < len(present):
+            ways = _Planner(starts, aims, standing_m, room, axes_m).ways(np.random.default_rng(seed))
     return {name: ways[index] for index, name in enumerate(present) if index in ways}
 
 
@@ -90,7 +93,6 @@ class _Planner:
         self, starts: Array, aims: Array, standing_m: Sequence[Array], room: Room, half_axes_m: Array
     ) -> None:
         self._aims, self._low_m, self._high_m = aims, np.array(room.min_m), np.array(room.max_m)
-        self._rng = np.random.default_rng(0)  # The same situation has the same ways.
         self._rests = [[np.append(0.0, start)] for start in starts]
         self._floor_m = low_m = float(aims[:, 2].max())
         self._levels_m = np.linspace(min(low_m + half_axes_m[2], room.max_m[2]), room.max_m[2], LEVELS)
@@ -104,7 +106,7 @@ class _Planner:
     def _raised(self, places_m: Array) -> Array:
         return np.maximum(places_m, (-np.inf, -np.inf, self._floor_m))
 
-    def ways(self) -> dict[int, FlightPath]:
+    def ways(self, rng: np.random.Generator) -> dict[int, FlightPath]:
         """Return the ways of all vehicles that can arrive, found for the furthest first."""
         far_m = [
             math.dist(aim[:2], rests[0][1:3]) for aim, rests in zip(self._aims, self._rests, strict=True)
@@ -113,7 +115,7 @@ class _Planner:
         for _ in range(ROUNDS):
             waiting = [index for index in left if not self._go_on(index, self._ways(index))]
             if len(waiting) == len(left):
-                any(self._go_on(index, [self._somewhere(index)]) for index in self._rng.permutation(left))
+                any(self._go_on(index, [self._somewhere(index, rng)]) for index in rng.permutation(left))
             left = waiting
         return {index: _path(rests) for index, rests in enumerate(self._rests) if index not in left}
 
@@ -129,10 +131,10 @@ class _Planner:
             beside[:2] = np.clip(beside[:2] + aside_m * aside, self._low_m[:2], self._high_m[:2])
             yield [up, beside, over, aim] if aside_m else [up, over, aim]
 
-    def _somewhere(self, index: int) -> list[Array]:
+    def _somewhere(self, index: int, rng: np.random.Generator) -> list[Array]:
         """Return a random place, above the aims, to which a vehicle may move out of the way of others."""
         low_m = (*self._low_m[:2], self._levels_m[0])
-        return [np.append(self._rng.uniform(low_m, self._high_m), self._aims[index, 3])]
+        return [np.append(rng.uniform(low_m, self._high_m), self._aims[index, 3])]
 
     def _go_on(self, index: int, ways: Iterable[list[Array]]) -> bool:
         """Continue by the way that ends first; return whether one of them is clear."""
