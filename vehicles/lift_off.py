@@ -25,9 +25,8 @@ STILL_S, STILL_M = 0.6, 0.02  # ...for so long within so much: in the air its th
 SINK_M_S: Final = 0.4  # climb rate wanted then, downwards
 SINK_PER_M_S: Final = 0.25  # shares of the hover thrust per error of the climb rate...
 SINK_PER_M: Final = 0.3  # ...and per its integral
-LEAST_REST: Final = (
-    0.3  # of the share that carries it, as it was seen; at most 1: poses may be of another body
-)
+# Shares of the hover thrust that may carry it, as it was seen. The poses may be of another body.
+LEAST_REST, MOST_REST = 0.3, 1.0
 STOPPED_M: Final = 0.003  # a vehicle that has risen moves on by so much before it may be so fast unseen
 AVERAGED_S: Final = 0.045  # time of a mean of poses
 STARTED: Final = 0.02  # share of the hover thrust from which on the vehicle is not in a hand
@@ -160,7 +159,7 @@ class LiftOffProof:
         """Thrust that brings it to the floor gently, by its climb rate if its pose answers, else without."""
         if self.problem is not None and self._answers:
             too_fast_m_s = self._climb_m_s + SINK_M_S
-            share = min(max(self._rest - SINK_PER_M_S * too_fast_m_s, 0.0), 1.0)
+            share = min(max(self._rest - SINK_PER_M_S * too_fast_m_s, 0.0), MOST_REST)
             return share * self._limits.hover_thrust
         sinks = self._flew and self._braked
         if self.unfinished:
@@ -271,7 +270,7 @@ class LiftOffProof:
         self._answers = self._answers or moved or (self._aloft and self._sunk_s >= SINKING_S)
         if self._answers:
             rest = self._rest - SINK_PER_M * elapsed_s * (self._climb_m_s + SINK_M_S)
-            self._rest = min(max(rest, LEAST_REST), 1.0)
+            self._rest = min(max(rest, LEAST_REST), MOST_REST)
 
     def _judge(self, pose: SeenPose, stands: SeenPose) -> None:
         """Judge the mean of the newest poses against where the vehicle stood."""

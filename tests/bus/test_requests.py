@@ -80,7 +80,7 @@ def test_a_request_whose_server_is_lost_while_it_waits_reaches_the_successor(joi
 
     def hang_and_end() -> None:
         wait_for(first.pending, "the request does not arrive")
-        time.sleep(2 * patience_s)
+        time.sleep(2 * patience_s)  # The wait for a reply must not use up the patience.
         successor.serve("h1", ["land", "disarm"])
         answer_of(other, "h1", Disarm())
         first.close()
