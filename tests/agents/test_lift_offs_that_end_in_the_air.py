@@ -85,3 +85,22 @@ def test_a_light_vehicle_with_coarse_poses_in_bursts_does_not_fall(together: int
     assert bench.hardest_m_s["h1"] < GENTLE_M_S
     if bench.arbiters["h1"].state is State.CUT:
         assert "lift-off: its pose" in bench.arbiters["h1"].reason
+
+
+def test_the_pose_of_another_body_that_falls_does_not_raise_the_thrust_beyond_a_hover() -> None:
+    bench = TakeOffs({"h1": "mavlink_quadrotor"})
+    bench.take_off("h1")
+    bench.run(0.9)
+    seen, fallen_m = bench.views["h1"], 0.0
+
+    def falling() -> BodyPose | None:
+        nonlocal fallen_m
+        found = seen()
+        assert found is not None
+        fallen_m += 0.03
+        return structs.replace(found, position_m=(1.0, 0.3, max(3.0 - fallen_m, 0.2)))
+
+    bench.views["h1"] = falling
+    bench.run(8.0)
+    assert bench.plants["h1"].on_floor
+    assert bench.highest_m["h1"] < 1.0
