@@ -20,11 +20,14 @@ from rcopterx.bus.session import BusUnreachableError, Session
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.reading import load_fleet
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 
 Poses = dict[tuple[str, int], Pose]
 START_S = 60.0
 """For processes to start and publish, on a machine that has other work to do as well."""
+ENOUGH = 40
+"""Poses that must have been seen both live and in a replay."""
+REPLAYS = 4
 
 
 @pytest.fixture(autouse=True)
@@ -99,21 +102,30 @@ def test_replayed_recording_gives_the_same_poses_and_frame_numbers(tmp_path: Pat
         wait_for(lambda: len(seen()) > 200, "no poses", START_S)
     original = seen()
 
-    command = ["rcopterx", "replay-tracker", str(recording), "--port", "0"]
-    with processes(command) as (player,):
-        assert player.stderr is not None
-        found = re.search(r"connect to 127\.0\.0\.1:(\d+)", player.stderr.readline())
-        assert found is not None
-        copy = fleet_file(tmp_path, HARDWARE_PAIR, int(found[1]))
-        with laboratory(copy, "router", "tracker") as seen:
-            assert player.wait(60) == 0
-    replayed = seen()
-    # Latest wins, and a silent connection is given up: on a busy machine either of the two may miss frames.
-    both = original.keys() & replayed.keys()
-    assert len(both) > 40
+    # Latest wins, and a silent connection is given up: on a busy machine either of the two may miss frames,
+    # so the recording is replayed until enough of them were seen.
+    replayed: Poses = {}
+    for _ in range(REPLAYS):
+        replayed.update(replay(recording, tmp_path))
+        both = original.keys() & replayed.keys()
+        if len(both) > ENOUGH:
+            break
+    assert len(both) > ENOUGH
     for key in both:
         for field in ("position_m", "quaternion_xyzw", "occluded", "period_s", "quality"):
             assert getattr(replayed[key], field) == getattr(original[key], field), (key, field)
+
+
+def replay(recording: Path, directory: Path) -> Poses:
+    """All poses that a Vicon gateway publishes while this recording is replayed to it once."""
+    with processes(["rcopterx", "replay-tracker", str(recording), "--port", "0"]) as (player,):
+        assert player.stderr is not None
+        found = re.search(r"connect to 127\.0\.0\.1:(\d+)", player.stderr.readline())
+        assert found is not None
+        copy = fleet_file(directory, HARDWARE_PAIR, int(found[1]))
+        with laboratory(copy, "router", "tracker") as seen:
+            assert player.wait(60) == 0
+    return seen()
 
 
 def test_gateway_that_reads_through_the_library_publishes_the_same_poses(tmp_path: Path) -> None:
