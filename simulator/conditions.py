@@ -11,7 +11,7 @@ import msgspec
 from rcopterx.vehicles.tuples import Four, Three
 
 FIRST_ORDER: Final = "first_order"
-COAXIAL_PLANTS: Final = (FIRST_ORDER, "helicopter", "drawn_helicopter")
+COAXIAL_PLANTS: Final = (FIRST_ORDER, "helicopter", "drawn_helicopter", "drawn_coax")
 ADDED: Final = ":"  # in names of plants that installed packages add, PACKAGE:KIND
 
 _RANGES: Final = {
@@ -66,8 +66,9 @@ class Conditions:
     towards it, within 0.3 m a ceiling lifts."""
     coaxial_plant: str = FIRST_ORDER
     """Plant of a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter with
-    stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
-    two ignore `actuator_lag`, `lag_mismatch`, `parameter_mismatch` and `trim_offset`."""
+    stabilizer bar in the middle of its family; or one drawn for each vehicle, from the family or around a
+    real one (docs/helicopter.md). The latter three ignore `actuator_lag`, `lag_mismatch`,
+    `parameter_mismatch` and `trim_offset`."""
     attitude_plant: str = FIRST_ORDER
     """Plant of a vehicle with a closed attitude loop: `first_order` for equation (1), with its tilt, or
     `PACKAGE:KIND` for one that an installed package adds (docs/crazyflie.md). The latter may ignore

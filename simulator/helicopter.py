@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -37,15 +38,16 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
 DRIFT_S: Final = 60.0  # correlation time of the drift of a gyro
+_DRAWN: Final = MappingProxyType(
+    {"drawn_helicopter": HelicopterParameters.drawn, "drawn_coax": HelicopterParameters.drawn_coax}
+)
 STILL_AIR: Final[HeldNoise] = np.zeros((1, 4)), 0, math.inf
 
 
 def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterParameters:
-    """Parameters of a vehicle: the middle of the family, or a vehicle drawn by name and seed (conditions)."""
-    if conditions.coaxial_plant == "drawn_helicopter":
-        vehicle = HelicopterParameters.drawn(random_stream(seed, name, PARAMETERS))
-    else:
-        vehicle = HelicopterParameters.nominal()
+    """Parameters of a vehicle: the middle of the family, or one drawn by name and seed (conditions)."""
+    draw = _DRAWN.get(conditions.coaxial_plant)
+    vehicle = HelicopterParameters.nominal() if draw is None else draw(random_stream(seed, name, PARAMETERS))
     return replace(vehicle, yaw_hold_per_s=conditions.gyro_hold_per_s)
 
 
@@ -167,7 +169,8 @@ class Helicopter(Plant):
         ).quaternion_xyzw
         drift = conditions.gyro_drift_rad_s / parameters.yaw_rate_gain_rad_s
         self._drift = ColouredNoise((drift,), DRIFT_S, 1.0, random_stream(seed, name, GYRO))
-        super().__init__(name, model, conditions, seed, start)
+        own_s = model.delay_s if parameters.delay_s is None else parameters.delay_s
+        super().__init__(name, replace(model, delay_s=own_s), conditions, seed, start)
 
     @property
     def motion(self) -> tuple[float, ...]:

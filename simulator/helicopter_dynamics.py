@@ -5,6 +5,7 @@ and accelerates forward, positive roll accelerates to the right (minus y). The u
 the lower rotor the swash plate. All in SI units.
 """
 
+import cmath
 import math
 from typing import Final, NamedTuple
 
@@ -70,7 +71,8 @@ class Airframe(NamedTuple):
     inertia_z: float
     drag_x: float
     drag_y: float
-    flapping: float
+    flapping: float  # and of the tilt to the left of the one that resists airspeed
+    flapping_across: float
     gust_speed: float  # speed of the wind over the horizontal acceleration that it causes
     damping_x: float
     damping_y: float
@@ -96,7 +98,7 @@ class Controls(NamedTuple):
 
 
 _ROTOR: Final = record(Rotor, *8 * [NUMBER])
-AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *19 * [NUMBER])
+AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *20 * [NUMBER])
 STATE: Final = record(HelicopterState, *21 * [NUMBER])
 CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
 AIR: Final = together(*6 * [NUMBER])
@@ -110,9 +112,10 @@ def airframe_of(vehicle: HelicopterParameters) -> Airframe:
         strict=True,
     )  # fmt: skip
     upper, lower = (Rotor(*numbers) for numbers in by_rotor)
+    flapping = cmath.rect(vehicle.flapping_rad_s_m, vehicle.flapping_phase_rad)
     return Airframe(
         upper, lower, vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s,
-        vehicle.flapping_rad_s_m, 2.0 / max(sum(vehicle.drag_per_s), _LEAST_DRAG), *vehicle.damping_n_m_s,
+        flapping.real, flapping.imag, 2.0 / max(sum(vehicle.drag_per_s), _LEAST_DRAG), *vehicle.damping_n_m_s,
         vehicle.bar_time_constant_s, *vehicle.servo_lag_s, vehicle.thrust_gain_m_s2,
         vehicle.yaw_rate_gain_rad_s, vehicle.yaw_gyro_gain_per_s,
         vehicle.ground_effect, vehicle.ground_effect_height_m, vehicle.yaw_hold_per_s,
@@ -121,8 +124,9 @@ def airframe_of(vehicle: HelicopterParameters) -> Airframe:
 
 def swash_target(parameters: HelicopterParameters, pitch: float, roll: float) -> tuple[float, float]:
     """Tilt of the swash plate towards body x and y that servo positions ask for, within its limit."""
-    gain_x, gain_y = parameters.swash_gain_rad
-    x, y = gain_x * pitch, gain_y * roll
+    (gain_x, gain_y), (axis_x, axis_y) = parameters.swash_gain_rad, parameters.servo_axes_rad
+    x = gain_x * pitch * math.cos(axis_x) - gain_y * roll * math.sin(axis_y)
+    y = gain_x * pitch * math.sin(axis_x) + gain_y * roll * math.cos(axis_y)
     tilt, limit = math.hypot(x, y), parameters.swash_limit_rad
     return (x, y) if tilt <= limit else (x * limit / tilt, y * limit / tilt)
 
@@ -231,8 +235,9 @@ def derivative(
     ay = force_y / airframe.mass - airframe.drag_y * (r01 * vx + r11 * vy + r21 * vz)
     az = force_z / airframe.mass
     # Airspeed makes the rotors flap, which tilts the vehicle against it.
-    tilt_x = air[4] - airframe.flapping * (vx - airframe.gust_speed * air[0])
-    tilt_y = air[5] - airframe.flapping * (vy - airframe.gust_speed * air[1])
+    past_x, past_y = vx - airframe.gust_speed * air[0], vy - airframe.gust_speed * air[1]
+    tilt_x = air[4] - airframe.flapping * past_x + airframe.flapping_across * past_y
+    tilt_y = air[5] - airframe.flapping * past_y - airframe.flapping_across * past_x
     follow = stretch / airframe.bar_time_constant
     jx, jy, jz = airframe.inertia_x, airframe.inertia_y, airframe.inertia_z
     command_u, command_l, missed = 0.0, 0.0, 0.0

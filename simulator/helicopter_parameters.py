@@ -53,6 +53,7 @@ class HelicopterParameters:
     yaw_gyro_gain_per_s: float  # yaw acceleration that the gyro asks for per error of the yaw rate
     drag_per_s: tuple[float, float]  # translational drag over mass along body x and y, positive
     flapping_rad_s_m: float  # tilting back by airspeed [rad/s^2 per m/s]: the rotors flap
+    flapping_phase_rad: float = 0.0  # direction of that tilt against the airspeed's, to the left
     added_damping: float  # aerodynamic damping of pitch and roll as a damping ratio of the fast mode
     servo_lag_s: tuple[float, float]  # first-order lags of the pitch and roll servos
     servo_step: float  # resolution of the servos and half-width of their dead band
@@ -62,6 +63,8 @@ class HelicopterParameters:
     ground_effect: float  # fraction by which the thrust is larger on the floor
     ground_effect_height_m: float  # height over which the ground effect decays by e
     yaw_hold_per_s: float = 0.0  # yaw rate that the gyro asks for per turn that it missed: heading hold
+    servo_axes_rad: tuple[float, float] = (0.0, 0.0)  # turn of the pitch and roll servos' axes to the left
+    delay_s: float | None = None  # transport delay; None for that of the vehicle's type
 
     @classmethod
     def nominal(cls, size: float = NOMINAL_SIZE) -> Self:
@@ -103,8 +106,8 @@ class HelicopterParameters:
         return vehicle.rigged(NOMINAL_PLATEAU_M_S2)
 
     @classmethod
-    def drawn(cls, generator: np.random.Generator) -> Self:
-        """One vehicle of the family.
+    def drawn(cls, generator: np.random.Generator, size: float | None = None) -> Self:
+        """One vehicle of the family, or of its members of a size.
 
         Size 0.6 to 1, added damping 0.1 to 0.5, servos 20 to 40 ms, trim up to 0.03, markers tilted by up to
         5 degrees, ground effect 5 to 10 %. Around the nominal vehicle of that size: arms and links 5 %,
@@ -121,7 +124,7 @@ class HelicopterParameters:
         def both(rotors: Rotors, fraction: float) -> Rotors:
             return Rotors(spread(rotors.upper, fraction), spread(rotors.lower, fraction))
 
-        middle = cls.nominal(within(0.6, 1.0))
+        middle = cls.nominal(within(0.6, 1.0) if size is None else size)
         inertia_x, inertia_y, inertia_z = (spread(inertia, 0.10) for inertia in middle.inertia_kg_m2)
         trim_pitch, trim_roll, trim_yaw = (within(-0.03, 0.03) for _ in range(3))
         tilt_rad, direction_rad = within(0.0, 5.0) * DEGREE, within(-math.pi, math.pi)
@@ -150,6 +153,31 @@ class HelicopterParameters:
         pitch, roll = NOMINAL_PLATEAU_M_S2
         rigged = vehicle.rigged((spread(pitch, 0.15), spread(roll, 0.15)))
         return replace(rigged, flapping_rad_s_m=spread(middle.flapping_rad_s_m, 0.25))
+
+    @classmethod
+    def drawn_coax(cls, generator: np.random.Generator) -> Self:
+        """One vehicle around the Skybotix CoaX that flew (docs/helicopter.md).
+
+        Of size 1, but with a fast mode of 9 to 10.5 rad/s, added damping 0.3 to 0.5, servos whose tilts are
+        turned by -15 to -40 degrees each, phases of the rotors included, flapping of 6.2 to 10.4 rad/s^2 per
+        m/s, turned by -32 to -52 degrees, and a delay of 10 to 60 ms. All uniform.
+        """
+        vehicle, within = cls.drawn(generator, 1.0), generator.uniform
+        slower = (vehicle.fast_mode_rad_s / within(9.0, 10.5)) ** 2
+        roll, pitch, yaw = vehicle.inertia_kg_m2
+        turned_rad = vehicle.hover_phases_rad.lower
+        return replace(
+            vehicle,
+            inertia_kg_m2=(slower * roll, slower * pitch, yaw),
+            added_damping=within(0.3, 0.5),
+            servo_axes_rad=(
+                turned_rad + within(-40, -15) * DEGREE,
+                turned_rad + within(-40, -15) * DEGREE,
+            ),
+            flapping_rad_s_m=within(6.2, 10.4),
+            flapping_phase_rad=within(-52, -32) * DEGREE,
+            delay_s=within(0.01, 0.06),
+        )
 
     def rigged(self, plateau_m_s2: tuple[float, float]) -> Self:
         """Copy whose swash plate linkage gives the pitch and roll sticks these plateaus [m/s^2 per unit]."""

@@ -22,7 +22,7 @@ from rcopterx.simulator.helicopter_dynamics import (
     swash_target,
 )
 from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters, Rotors
-from rcopterx.vehicles.state import GRAVITY_M_S2, Array
+from rcopterx.vehicles.state import GRAVITY_M_S2, Array, heading_matrix
 
 CALM = 6 * (0.0,)
 HIGH = (0.0, 0.0, 50.0)
@@ -135,9 +135,19 @@ def test_stick_has_the_gain_of_the_identified_vehicle_before_the_bar_creeps(axis
     assert acceleration == pytest.approx(NOMINAL_PLATEAU_M_S2[axis], rel=0.01)
 
 
+def test_servos_act_along_axes_that_are_turned_each_by_its_own_angle() -> None:
+    straight = HelicopterParameters.nominal()
+    turned = replace(straight, servo_axes_rad=(-0.3, -0.6))
+    for axis, angle_rad in enumerate(turned.servo_axes_rad):
+        sticks = 0.02 * np.eye(2)[axis]
+        expected = heading_matrix(angle_rad) @ swash_target(straight, *sticks)
+        assert swash_target(turned, *sticks) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
-def test_airspeed_tilts_the_vehicle_against_it(yaw_rad: float) -> None:
-    vehicle = HelicopterParameters.nominal()
+@pytest.mark.parametrize("phase_rad", [0.0, -0.7])
+def test_airspeed_tilts_the_vehicle_against_it(phase_rad: float, yaw_rad: float) -> None:
+    vehicle = replace(HelicopterParameters.nominal(), flapping_phase_rad=phase_rad)
     airframe, state = airframe_of(vehicle), hovering(vehicle, yaw_rad)
     hover = Controls(0.0, 0.0, True, *HOVER)
 
@@ -149,7 +159,8 @@ def test_airspeed_tilts_the_vehicle_against_it(yaw_rad: float) -> None:
 
     still = tilting(state, CALM)
     flying = tilting(changed(state, vx=0.4, vy=-0.2), CALM) - still
-    assert flying == pytest.approx([-0.4 * vehicle.flapping_rad_s_m, 0.2 * vehicle.flapping_rad_s_m])
+    against = vehicle.flapping_rad_s_m * np.array((-0.4, 0.2))
+    assert flying == pytest.approx(heading_matrix(phase_rad) @ against)
     drag = sum(vehicle.drag_per_s) / 2
     gust = tilting(state, (0.4 * drag, -0.2 * drag, 0.0, 0.0, 0.0, 0.0)) - still
     assert gust == pytest.approx(-flying)

@@ -6,6 +6,7 @@ import numpy as np
 
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 
+COAXES = [HelicopterParameters.drawn_coax(np.random.default_rng(seed)) for seed in range(300)]
 DRAWN = [HelicopterParameters.drawn(np.random.default_rng(seed)) for seed in range(300)]
 
 
@@ -43,3 +44,19 @@ def test_fast_modes_and_plateaus_of_the_family_are_those_that_controllers_must_c
     assert 2.25 < plateaus.max() <= 2.3
     coupling = np.degrees([abs(np.angle(vehicle.plateau_per_swash)) for vehicle in DRAWN])
     assert 2.0 < coupling.min() < coupling.max() < 20.0
+
+
+def test_neighbours_of_the_real_vehicle_lie_within_their_stated_ranges_and_fill_them() -> None:
+    turns = np.degrees([[axis - one.hover_phases_rad.lower for axis in one.servo_axes_rad] for one in COAXES])
+    for name, values, low, high in (
+        ("mode", [one.fast_mode_rad_s for one in COAXES], 9.0, 10.5),
+        ("damping", [one.added_damping for one in COAXES], 0.3, 0.5),
+        ("delay", [one.delay_s for one in COAXES], 0.01, 0.06),
+        ("flapping", [one.flapping_rad_s_m for one in COAXES], 6.2, 10.4),
+        ("its phase", np.degrees([one.flapping_phase_rad for one in COAXES]), -52.0, -32.0),
+        ("turn of the pitch servo", turns[:, 0], -40.0, -15.0),
+        ("turn of the roll servo", turns[:, 1], -40.0, -15.0),
+    ):
+        assert low - 1e-6 <= np.min(values) <= low + 0.05 * (high - low), name
+        assert high - 0.05 * (high - low) <= np.max(values) <= high + 1e-6, name
+    assert {one.size for one in COAXES} == {1.0}

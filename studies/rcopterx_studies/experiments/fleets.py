@@ -19,7 +19,7 @@ from rcopterx_studies.experiments.formation import (
     formation,
     sequence,
 )
-from rcopterx_studies.experiments.knowledge import Knowledge, learn
+from rcopterx_studies.experiments.knowledge import LEARNED_LEVELS, Knowledge, learn
 from rcopterx_studies.experiments.record import rms
 from rcopterx_studies.experiments.rig import GUARDED, SETTLED_S, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
@@ -91,5 +91,5 @@ EXPERIMENT: Final = Experiment(
     {"helicopters": 30},
     cases,
     figures,
-    levels=("default", "learned", "identified", "exact"),
+    levels=LEARNED_LEVELS,
 )

@@ -25,7 +25,7 @@ from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_rang
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.experiments.events import PilotEvent
+from rcopterx_studies.experiments.events import GoToEvent, PilotEvent
 from rcopterx_studies.experiments.rig import Rig, RigVehicle
 from rcopterx_studies.plants.identified_crazyflie import (
     FULL_THRUST_SHARE,
@@ -40,18 +40,21 @@ COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 CRAZYFLIE: Final = vehicle_type("crazyflie").model
 
 Knowledge = Literal["default", "learned", "identified", "exact"]
-"""`default`: the type. `learned`: the type, until the vehicle has learned from its own ordinary flight; in
-`fleets` only. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
+"""`default`: the type. `learned`: the type, until the vehicle has learned from its own ordinary flight, in
+some experiments. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
 `exact`: the true parameters."""
 
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 """Levels at which a flight can begin."""
+LEARNED_LEVELS: Final[tuple[Knowledge, ...]] = ("default", "learned", "identified", "exact")
 PROMPT_S: Final = 0.005  # servo lag of a vehicle without servos
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0
 REACH_M: Final = 0.4
 PLACE_M: Final[Three] = (0.0, 0.0, 1.0)
 """Of the flight that an identification is fitted to: excitation, rest before it, room and place."""
+LEARNED_FROM: Final = 9  # set points that a vehicle learns from, within `REACH_M` of its place
+SLOT_S: Final = 7.0
 
 
 class NotIdentifiedError(ValueError):
@@ -105,10 +108,10 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         servo_lag_s=sum(parameters.servo_lag_s) / 2,
         bar_time_constant_s=parameters.bar_time_constant_s,
         upper_phase_rad=parameters.hover_phases_rad.upper,
-        lower_phase_rad=parameters.hover_phases_rad.lower,
+        lower_phase_rad=parameters.hover_phases_rad.lower - sum(parameters.servo_axes_rad) / 2,
         upper_share=thrust_n.upper * parameters.link.upper / (parameters.mass_kg * GRAVITY_M_S2),
         direct_m=thrust_n.lower * inertia / (parameters.mass_kg * lever_n_m),
-        flapping_rad_s_m=parameters.flapping_rad_s_m,
+        flapping_rad_s_m=parameters.flapping_rad_s_m * math.cos(parameters.flapping_phase_rad),
     )
     plateau_m_s2 = abs(parameters.plateau_per_swash)
     rotor_lag_s = (thrust_n.upper * lag_s.upper + thrust_n.lower * lag_s.lower) / sum(thrust_n)
@@ -116,6 +119,7 @@ def exact_model(parameters: HelicopterParameters) -> Model:
     torque_lower = parameters.torque.lower * parameters.thrust.upper
     yaw_lag_s = (torque_upper * lag_s.upper + torque_lower * lag_s.lower) / (torque_upper + torque_lower)
     yaw_gain = parameters.yaw_rate_gain_rad_s * parameters.yaw_gyro_gain_per_s
+    own_s = parameters.delay_s
     # Yaw acceleration of either rotor's drag per unit of thrust stick; in hover they cancel.
     drag = parameters.torque.upper * parameters.hover_speeds_rad_s.upper**2 * parameters.thrust_gain_m_s2
     drag_rad_s2 = drag / (parameters.inertia_kg_m2[2] * GRAVITY_M_S2)
@@ -130,6 +134,7 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         ),
         damping=(-parameters.drag_per_s[0], -parameters.drag_per_s[1], 0.0, -parameters.yaw_gyro_gain_per_s),
         lag_s=(pitch_lag_s, roll_lag_s, rotor_lag_s, yaw_lag_s),
+        delay_s=COAXIAL.delay_s if own_s is None else own_s,
         thrust_coupling=drag_rad_s2 * (lag_s.upper - lag_s.lower) / (yaw_gain * rotor_lag_s),
         tilt=tilt,
         uncertainty=_known(tilt),
@@ -184,6 +189,14 @@ def learn(rig: Rig, duration_s: float, events: Sequence[PilotEvent]) -> None:
     for name, log in logs.items():
         found = identify(log.recording(), rig.pilots[name].model, ordinary=True)
         rig.use_model(name, fitted_parameters(found.model))
+
+
+def learn_around(rig: Rig, place_m: Three, seed: int) -> None:
+    """Let the vehicle `h1` learn from 70 s of set points around its place."""
+    moves = np.random.default_rng(seed).uniform(-REACH_M, REACH_M, (LEARNED_FROM, 3))
+    places = [*(place_m + moves), np.array(place_m)]
+    steps = [GoToEvent(SLOT_S * number, "h1", tuple(place)) for number, place in enumerate(places)]
+    learn(rig, SLOT_S * len(places), steps)
 
 
 def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:

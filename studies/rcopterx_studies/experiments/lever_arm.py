@@ -9,16 +9,13 @@ import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose
-from rcopterx_studies.experiments.events import GoToEvent
 from rcopterx_studies.experiments.family import HOME_M, PROGRAMME, QUICK_PROGRAMME
-from rcopterx_studies.experiments.knowledge import Knowledge, learn
+from rcopterx_studies.experiments.knowledge import Knowledge, learn_around
 from rcopterx_studies.experiments.rig import GUARDED, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, median_and_worst
 from rcopterx_studies.experiments.schemes import CASCADE
 
 LEVER_ARMS_MM: Final = (-40, -20, 0, 20, 40)
-LEARNED_FROM: Final = 9  # set points around `HOME_M` that a vehicle learns from
-SLOT_S: Final = 7.0
 
 
 def hover(
@@ -30,10 +27,7 @@ def hover(
     vehicle = replace(CASCADE, knowledge=knowledge).vehicle("h1", BodyPose(HOME_M), conditions, seed)
     rig, programme = Rig([vehicle], conditions, seed, GUARDED), QUICK_PROGRAMME if quick else PROGRAMME
     if knowledge == "learned":
-        random = np.random.default_rng(seed)
-        places = [*(HOME_M + random.uniform(-0.4, 0.4, (LEARNED_FROM, 3))), np.array(HOME_M)]
-        steps = [GoToEvent(SLOT_S * number, "h1", tuple(place)) for number, place in enumerate(places)]
-        learn(rig, SLOT_S * len(places), steps)
+        learn_around(rig, HOME_M, seed)
     begun_s = rig.time_s
     errors_m = rig.fly(programme.hover_s, progress=progress)["h1"].reference_error(
         begun_s + programme.settled_s

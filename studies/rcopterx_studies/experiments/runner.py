@@ -74,7 +74,7 @@ class Experiment(Generic[T]):
 
     def seeds(self, preset: str) -> tuple[int, ...]:
         """Consecutive seeds for a preset."""
-        drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
+        drawn = PRESETS[preset].coaxial_plant.startswith("drawn_")
         first = FIRST_REPORTED_VEHICLE if drawn else 0
         count = self.flights.get(preset, next(iter(self.flights.values())))
         return tuple(range(first, first + count))

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from support.conditions import CRAZYFLIES, HELICOPTERS
+from support.conditions import COAXES, CRAZYFLIES, HELICOPTERS
 
 from rcopterx.commands.output import write_plot
 from rcopterx_studies.experiments import family
@@ -18,7 +18,7 @@ from rcopterx_studies.experiments.family import (
     fly_member,
     levels_of,
 )
-from rcopterx_studies.experiments.knowledge import LEVELS
+from rcopterx_studies.experiments.knowledge import LEVELS, Knowledge
 from rcopterx_studies.experiments.runner import Options
 from rcopterx_studies.experiments.schemes import FlownScheme
 
@@ -41,6 +41,15 @@ def test_default_configuration_flies_a_drawn_crazyflie_through_the_programme() -
     assert flown.eight_mm <= flown.eight_max_mm < 100
     assert (flown.lost, flown.touched_floor, flown.limit_cycle) == (False, False, False)
     assert flown.fallbacks == 0
+
+
+@pytest.mark.parametrize("known", ["default", "learned"])
+def test_vehicle_like_a_real_one_flies_through_the_programme(known: Knowledge) -> None:
+    (scheme, _) = levels_of([known]).values()
+    flown = fly_member(scheme, QUICK_PROGRAMME, COAXES, 1)
+    assert flown.hover_mm < 40
+    assert flown.eight_mm <= flown.eight_max_mm < 150
+    assert (flown.lost, flown.touched_floor, flown.limit_cycle) == (False, False, False)
 
 
 def test_vehicle_that_oscillates_is_a_limit_cycle() -> None:
