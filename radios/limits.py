@@ -11,7 +11,13 @@ FAREWELL_S = 2.0
 """For the throttle-low frames at the end, on a busy computer."""
 DESCENT_BEGINS_S = 0.7
 """Until a vehicle without poses sinks, and for the drag of its rotor."""
-LONGEST_DESCENT_S = 3.5
+SLOWER = 1.6
+"""Longest descent without poses over that of a vehicle whose hover thrust is as learned."""
+LONGEST_DESCENT_S = 5.5
+GENTLE_SHARE = 0.05
+GENTLE_M_S = 0.8
+"""A descent without poses leaves out no more than this share of the hover thrust, once the vehicle sinks this
+fast."""
 
 
 class LimitsError(ValueError):
@@ -190,7 +196,7 @@ class ArbiterLimits:
     descend_below_hover: float = 0.11
     descend_rate_per_s: float = 0.5
     """`descend_below_hover`, `descend_rate_per_s`: DESCEND lowers the thrust at this rate to this share below
-    hover."""
+    hover, and raises it again to 5 % below it as the vehicle is predicted to reach 0.8 m/s."""
     hover_correction: float = 0.35
     """Largest correction of the calibrated hover thrust from the flight; 0 for none."""
     take_over_s: float = 0.7
@@ -211,12 +217,20 @@ class ArbiterLimits:
     lift_off: LiftOffLimits | None = None
     """How a lift-off is watched until the own pose has risen; None for not at all."""
 
-    def descent_s(self, height_m: float) -> float:
-        """Longest descent without poses of a vehicle that was seen at this height over the floor last [s]."""
-        falls_s = math.sqrt(2.0 * max(height_m, 0.0) / (self.descend_below_hover * GRAVITY_M_S2))
-        return min(
-            max(self.cut_after_s - self.descend_after_s, falls_s + DESCENT_BEGINS_S), LONGEST_DESCENT_S
-        )
+    def below_hover(self, climb_m_s: float) -> float:
+        """Share of the hover thrust that a descent without poses leaves out at a predicted climb rate."""
+        begun = min(1.0 + climb_m_s / GENTLE_M_S, 1.0)
+        return max(self.descend_below_hover * begun, min(self.descend_below_hover, GENTLE_SHARE))
+
+    def descents_s(self, height_m: float) -> tuple[float, float]:
+        """Descent without poses of a vehicle that was seen at this height over the floor last [s].
+
+        Until it should have reached the floor, if the learned hover thrust is right, and the longest one.
+        """
+        least_s = self.cut_after_s - self.descend_after_s
+        sinks_s = math.sqrt(2.0 * max(height_m, 0.0) / (self.below_hover(-GENTLE_M_S) * GRAVITY_M_S2))
+        longest_s = min(SLOWER * sinks_s + DESCENT_BEGINS_S, LONGEST_DESCENT_S)
+        return max(least_s, sinks_s), max(least_s, longest_s)
 
     @property
     def longest_shutdown_s(self) -> float:

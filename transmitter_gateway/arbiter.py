@@ -66,7 +66,7 @@ class Arbiter:
         self._climb_m_s: float | None = None
         self._located = False
         self._now_s = self._applied_s = -math.inf
-        self._entered_s = self._landing_since_s = self._descended_s = -math.inf
+        self._entered_s = self._landing_since_s = self._sunk_s = self._descended_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
         self._bridging_step = 0
@@ -353,7 +353,8 @@ class Arbiter:
             self._landing_since_s = now_s
         self.state = row.target
         self._entered_s = now_s
-        self._descended_s = now_s + self.limits.descent_s(self.pose_monitor.height_m(self._floor_m))
+        sunk_s, descended_s = self.limits.descents_s(self.pose_monitor.height_m(self._floor_m))
+        self._sunk_s, self._descended_s = now_s + sunk_s, now_s + descended_s
         self.counters[f"entered {row.target}"] += 1
 
     # Output -------------------------------------------------------------------------------------------
@@ -373,7 +374,7 @@ class Arbiter:
         elif self.state in FLYING and (self.lift_off.sinking or self.lift_off.unfinished):
             limiter.sink(self.lift_off.sinking_thrust)
         elif self.state in FLYING:
-            limiter.descend(elapsed_s, over=now_s >= self._descended_s)
+            limiter.descend(elapsed_s, late=now_s >= self._sunk_s)
         else:
             limiter.stop()
 

@@ -118,7 +118,7 @@ class HoverThrust:
 
 
 LONGEST_SLEW_STEP_S = 0.04
-FADE_PER_S = 0.05  # fall of the thrust after a descent, while a vehicle is seen in the air: gently
+FADE_PER_S = 0.05  # fall of the thrust from when a descent should have reached the floor: gently
 LEAST_SHARE = 0.3  # share of the hover thrust below which no rotor of a vehicle in the air is slowed
 BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen is braked
 
@@ -215,12 +215,15 @@ class OutputLimiter:
         self._braked = 0.0
         self.u = (0.0, 0.0, thrust, 0.0)
 
-    def descend(self, elapsed_s: float, *, over: bool) -> None:
-        """Descend level without poses, thrust a little below hover; if `over` in the air, without thrust."""
-        if over:
+    def descend(self, elapsed_s: float, *, late: bool) -> None:
+        """Descend level without poses, thrust a little below hover, the closer the faster it should sink.
+
+        From when the floor should be reached, `late`, the thrust fades, because it may be that of a hover.
+        """
+        if late:
             self._level(0.0, FADE_PER_S, elapsed_s)
         else:
-            sinking = self.hover.below(self._limits.descend_below_hover)
+            sinking = self.hover.below(self._limits.below_hover(self.hover.climb_m_s))
             self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
 
     def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
