@@ -1,7 +1,9 @@
 """Limits of the arbiter (docs/safety.md) with their defaults."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, fields
+from typing import Any
 
 from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.state import GRAVITY_M_S2
@@ -24,9 +26,13 @@ class LimitsError(ValueError):
     """A limit that makes no sense; the message names the field."""
 
 
-def _positive(name: str, value: float | None) -> None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise LimitsError(f"{name}: {value} must be a positive number")
+def _require_positive(limits: Any, prefix: str, others: Collection[str] = ()) -> None:
+    """Refuse limits of which a number, None excepted, is not positive; `others` may be."""
+    for name in (item.name for item in fields(limits) if item.name not in others):
+        value = getattr(limits, name)
+        for number in value if isinstance(value, tuple) else (value,):
+            if number is not None and not (math.isfinite(number) and number > 0):
+                raise LimitsError(f"{prefix}{name}: {number} must be a positive number")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +58,7 @@ class Fence:
             raise LimitsError(f"fence.margin_m: {self.margin_m} must not be negative")
         if not (math.isfinite(self.cut_m) and self.cut_m > self.margin_m):
             raise LimitsError(f"fence.cut_m: {self.cut_m} must be above margin_m = {self.margin_m}")
-        for value in self.braking_m_s2:
-            _positive("fence.braking_m_s2", value)
+        _require_positive(self, "fence.", ("lower_m", "upper_m", "margin_m"))
 
     def beside(self, position_m: Three) -> bool:
         """Whether a place is within the sides of the box and its margin, at any height."""
@@ -101,9 +106,7 @@ class SurveillanceLimits:
     `standing.repeated_s`."""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            if item.name not in ("fence", "trust_repeated_poses"):
-                _positive(item.name, getattr(self, item.name))
+        _require_positive(self, "", ("fence", "trust_repeated_poses"))
         hold, descend = self.tracking_hold_s, self.tracking_descend_s
         if hold is not None and descend is not None and descend < hold:
             raise LimitsError(f"tracking_descend_s: {descend} must not be below tracking_hold_s = {hold}")
@@ -136,10 +139,7 @@ class LandingLimits:
     """Longest landing; then the vehicle comes down open loop."""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            for number in value if isinstance(value, tuple) else (value,):
-                _positive(f"landing.{item.name}", number)
+        _require_positive(self, "landing.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +163,7 @@ class StandingLimits:
     """Two vehicles that are closer to each other are one body."""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            _positive(f"standing.{item.name}", getattr(self, item.name))
+        _require_positive(self, "standing.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,9 +238,7 @@ class ArbiterLimits:
 
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")
-        for item in fields(self):
-            if item.name not in (*others, "surveillance", "landing", "standing", "lift_off"):
-                _positive(item.name, getattr(self, item.name))
+        _require_positive(self, "", (*others, "surveillance", "landing", "standing", "lift_off"))
         if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
             raise LimitsError(
                 f"descend_after_s: {self.descend_after_s} must lie between hold_after_s = {self.hold_after_s}"
