@@ -285,7 +285,9 @@ class Arbiter:
             self._touchdown.release()
         elif fence is not None and not self._limiter.law.obeyed and fence.left(motion.position_m):
             found.add(Condition.RUNAWAY)
-        elif self._touchdown.happened(motion, self._floor_m, now_s):
+        elif self._touchdown.happened(motion, self._floor_m, now_s) or (
+            self.state is State.DESCEND and now_s >= self._sunk_s and Condition.AIRBORNE not in found
+        ):
             found.add(Condition.TOUCHDOWN)
         if self.state is State.LAND or Condition.AIRBORNE in found:
             self._motion = motion

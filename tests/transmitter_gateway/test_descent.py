@@ -71,3 +71,18 @@ def test_a_thrust_that_was_low_for_a_moment_in_the_air_is_raised_to_that_of_a_ho
 
 def test_on_the_floor_it_is_not_raised() -> None:
     assert max(thrusts_after_poses_end((0.0, 0.0, 0.0), 0.3)) <= 0.3
+
+
+@pytest.mark.parametrize("silent_s", [2.4, 3.0, 3.6])
+def test_a_vehicle_that_is_seen_again_on_the_floor_after_its_descent_stays_there(silent_s: float) -> None:
+    bench = Bench()
+    bench.yaw_rad = 0.0
+    bench.position = (0.0, 0.0, 1.0)
+    bench.fly((0.0, 0.0, U_HOVER, 0.0))
+    bench.position = None
+    bench.run(silent_s, (0.0, 0.0, U_HOVER, 0.0))
+    assert bench.state is State.DESCEND
+    bench.position = (0.0, 0.0, 0.0)
+    bench.run(0.1, (0.0, 0.0, U_HOVER, 0.0))
+    assert bench.state is State.CUT
+    assert bench.reason == "landed"

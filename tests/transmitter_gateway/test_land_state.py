@@ -100,12 +100,13 @@ def test_open_loop_descent_during_a_landing_lasts_its_time_and_is_cut() -> None:
     silent(bench, 3.0)
     bench.wait(0.2)
     assert bench.state is State.DESCEND
-    entered_s = bench.now_s
-    bench.wait(1.8 - EDGE_S)
+    entered_s, height_m = bench.now_s, bench.arbiter.pose_monitor.height_m(0.0)
+    _, longest_s = ArbiterLimits().descents_s(height_m)
+    bench.wait(longest_s - EDGE_S)
     assert bench.state is State.DESCEND
     bench.wait(2 * EDGE_S)
     assert (bench.state, bench.reason) == (State.CUT, "descent over")
-    assert bench.now_s - entered_s == pytest.approx(1.8, abs=0.01)
+    assert bench.now_s - entered_s == pytest.approx(longest_s, abs=0.01)
 
 
 def test_landing_that_takes_too_long_goes_on_open_loop_although_the_vehicle_is_seen() -> None:
