@@ -16,8 +16,8 @@ COMMANDS: Final = {
     "Watch a running fleet": ("watch.status", "watch.check", "watch.logs", "watch.top", "ground.ground"),
     "Steer a running fleet": (
         "steer.arm", "steer.takeoff", "steer.goto", "steer.follow", "steer.lead", "steer.swap",
-        "steer.promote", "trajectory.trajectory", "steer.tune", "steer.join", "steer.leave", "steer.move",
-        "steer.home", "steer.land", "steer.disarm", "steer.kill", "steer.reset",
+        "steer.promote", "steer.formation", "trajectory.trajectory", "steer.tune", "steer.join",
+        "steer.leave", "steer.move", "steer.home", "steer.land", "steer.disarm", "steer.kill", "steer.reset",
     ),
     "Flight logs": (
         "flights.flights", "flights.replay", "flights.report", "flights.export", "flights.recover",

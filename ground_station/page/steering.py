@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 
 from rcopterx.bus.message import Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.formation.shapes import ShapeName, formation_links
+from rcopterx.formation.shapes import ShapeName
 from rcopterx.ground_station.geometry import link_to
 from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.weights import GROUPS, Weights
@@ -132,18 +132,11 @@ class PageSteering:
         x, y, z = (round(a - b, 3) for a, b in zip(own, other, strict=True))
         self._follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
 
-    def formation(self, shape: ShapeName, leader: Name, spacing_m: Spacing) -> None:
+    def formation(self, shape: ShapeName, leader: Name, spacing_m: Spacing, assign: bool) -> None:
         """Bring all flying vehicles into a formation behind a vehicle that leads."""
-        flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
-        if leader not in flying:
-            self.refuse(f"{leader} does not fly")
-            return
-        if self._fleet[leader].state.leaders:
-            self.refuse(f"{leader} follows another vehicle; let it lead first")
-            return
-        followers = [name for name in flying if name != leader]
-        for name, link in formation_links(shape, leader, followers, spacing_m).items():
-            self._follow(name, (link,))
+        self.run(
+            f"formation {shape}", lambda: "; ".join(self._fleet.form(shape, leader, spacing_m, assign=assign))
+        )
 
     def promote(self, name: Name) -> None:
         """Make a vehicle the leader of its formation."""

@@ -110,6 +110,29 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self.wait_for_status()
         return self.swap(formation_leader(self.statuses(), name), name)
 
+    def form(self, shape: str, leader: str, spacing_m: float = 0.8, *, assign: bool = False) -> list[str]:
+        """Bring all flying vehicles into a line, column, wedge or ring behind a vehicle that leads.
+
+        They get places in the order of their names, or, with `assign`, those with the least longest way.
+        Returns the line of ancestors of each. Raises `RefusedError`: a vehicle refuses its place although all
+        others have left it, or `leader` does not fly, or follows; KeyError: no such shape.
+        """
+        from rcopterx.ground_station.scripting.regroup import shaped
+
+        self.wait_for_status()
+        waiting, lines = shaped(self.statuses(), shape, leader, spacing_m, assign=assign), []
+        while waiting:
+            refused: dict[str, RefusedError] = {}
+            for name, link in waiting.items():
+                try:
+                    lines.append(self._vehicles[name].follow((link,)))
+                except RefusedError as error:  # A place may become free when other vehicles have got theirs.
+                    refused[name] = error
+            if len(refused) == len(waiting):
+                raise next(iter(refused.values()))
+            waiting = {name: waiting[name] for name in refused}
+        return lines
+
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles and wait until agents and firmware report it; those that do not are disarmed."""
         vehicles = self.present() if names is None else self._named(names)

@@ -10,13 +10,16 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
+import numpy as np
+
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.formation import topology
+from rcopterx.formation.shapes import formation_links
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import Array, turned_about_z
 
 LEAD_TIME_S = 0.4  # from the first commit to the frame of the change; for every vehicle a little longer
 LEAD_TIME_PER_VEHICLE_S = 0.03
@@ -61,6 +64,22 @@ def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
         lines = "; ".join(topology.in_words(topology.line_between(links, name, head)) for head in heads)
         raise RefusedError(f"{name} has several leaders at the head: {lines}; name one of them to swap with")
     return heads[0]
+
+
+def shaped(
+    statuses: Mapping[str, AgentStatus], shape: str, leader: str, spacing_m: float, *, assign: bool
+) -> dict[str, LeaderLink]:
+    """Links of all that fly in a formation behind a leader; RefusedError if it does not fly, or follows."""
+    _expect_flying(statuses, leader)
+    links, heads = topology.formation_of(statuses)
+    if links[leader]:
+        raise RefusedError(f"{leader} {role(links[leader])}; let it lead first")
+    where = topology.places(links, heads)
+    names = [name for name in sorted(where) if name != leader and statuses[name].phase == "flying"]
+    if not assign:
+        return formation_links(shape, leader, names, spacing_m)
+    present_m = [turned_about_z((where[name] - where[leader])[:3], -where[leader][3]) for name in names]
+    return formation_links(shape, leader, names, spacing_m, np.array(present_m).reshape(-1, 3))
 
 
 def regroup(

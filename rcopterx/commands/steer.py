@@ -120,6 +120,24 @@ def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
         typer.echo("\n".join(running.promote(vehicle)))
 
 
+def formation(
+    shape: Annotated[str, Argument(metavar="SHAPE", help="line, column, wedge or ring.")],
+    leader: Annotated[str, Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
+    spacing: Annotated[float, Option(metavar="M", min=0.1, max=10.0, help="Distance in metres.")] = 0.8,
+    assign: Annotated[
+        bool, Option("--assign", help="Give places so that the longest way is as short as possible.")
+    ] = False,
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Bring all flying vehicles into a formation behind one that leads: formation line h1 --assign."""
+    # Numerical libraries take longer to import than the command line.
+    from rcopterx.formation.shapes import SHAPES
+
+    check_known([shape], SHAPES, "formation", "SHAPE")
+    with running_fleet(fleet, [leader]) as running:
+        typer.echo("\n".join(running.form(shape, leader, spacing, assign=assign)))
+
+
 def move(
     vehicle: Vehicle,
     to: Annotated[str, Option(metavar="HOST", help="Host for its agent.")],

@@ -10,7 +10,7 @@ export class Tools {
     this.path = one('#path');
     if (!this.formation) return;
     const value = (name) => one(`[name=${name}]`, this.formation).value;
-    one('[name=fly]', this.formation).addEventListener('click', () => send('formation', { shape: value('shape'), leader: value('leader'), spacing_m: Number(value('spacing')) }));
+    one('[name=fly]', this.formation).addEventListener('click', () => send('formation', { shape: value('shape'), leader: value('leader'), spacing_m: Number(value('spacing')), assign: one('[name=assign]', this.formation).checked }));
     one('[name=promote]', this.formation).addEventListener('click', () => send('promote', { name: value('leader') }));
     one('[name=fly]', this.path).addEventListener('click', () => send('fly_through', { name: one('[name=vehicle]', this.path).value, places_m: this.scene.waypoints }));
     one('[name=clear]', this.path).addEventListener('click', () => this.setWaypoints([]));

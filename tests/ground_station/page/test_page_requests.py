@@ -219,10 +219,10 @@ def test_what_others_choose_is_shown(opened: Opened, fleet: Fleet, vehicles: Veh
 
 
 def test_a_formation_is_flown_by_all_that_fly(opened: Opened, fleet: Fleet, vehicles: Vehicles) -> None:
-    opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
-    assert opened.notices == [("h1 does not fly", True)]
+    opened.do("formation", shape="line", leader="h1", spacing_m=0.8, assign=False)
+    assert opened.notices == [("h1 does not fly, its phase is ground", True)]
     fly(fleet, vehicles)
-    opened.do("formation", shape="line", leader="h1", spacing_m=0.8)
+    opened.do("formation", shape="line", leader="h1", spacing_m=0.8, assign=False)
     (request,) = vehicles["h2"].requests
     assert isinstance(request, Follow)
     assert request.following[0].offset_m == pytest.approx((0.0, 0.8, 0.0))
@@ -246,7 +246,7 @@ def test_waypoints_are_flown_from_where_the_vehicle_is_and_none_is_a_refusal(
         '{"do": "move", "arguments": {"name": "h1", "place_m": [0, 0]}}',
         '{"do": "move", "arguments": {"name": "h1", "place_m": [0, 0, 1e30]}}',
         '{"do": "kill", "arguments": {"vehicles": []}}',
-        '{"do": "formation", "arguments": {"shape": "star", "leader": "h1", "spacing_m": 1}}',
+        '{"do": "formation", "arguments": {"shape": "star", "leader": "h1", "spacing_m": 1, "assign": false}}',
         '{"do": "weigh", "arguments": {"name": "h1", "powers": {"position": 40}}}',
     ],
 )  # fmt: skip

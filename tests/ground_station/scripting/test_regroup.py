@@ -1,5 +1,6 @@
 """Promises of changing leaders together: all or none, also when a vehicle refuses, falls silent or dies."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,13 +11,14 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 from support.statuses import hovering
 
-from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.formation.topology import cycle
 from rcopterx.ground_station.scripting.regroup import (
     formation_leader,
     regroup,
+    shaped,
     swapped,
 )
 from rcopterx.ground_station.scripting.vehicle import RefusedError
@@ -222,3 +224,30 @@ def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
     two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
     with pytest.raises(RefusedError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
         formation_leader(two, "h3")
+
+
+def test_vehicles_get_the_places_of_a_formation_in_order_or_by_the_shortest_ways() -> None:
+    fleet = {
+        "h1": hovering((0.0, 0.0, 1.0)),
+        "h2": hovering((0.0, -1.0, 1.0)),
+        "h3": hovering((0.0, 1.0, 1.0)),
+    }
+    landed = hovering((2.0, 2.0, 0.0), phase="disarmed")
+    in_order = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, assign=False)
+    assert {name: link.offset_m[1] for name, link in in_order.items()} == {"h2": 1.0, "h3": -1.0}
+    nearest = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, assign=True)
+    assert {name: link.offset_m[1] for name, link in nearest.items()} == {"h2": -1.0, "h3": 1.0}
+
+
+def test_places_of_a_formation_are_those_beside_the_heading_of_the_leader() -> None:
+    turned = hovering((0.0, 0.0, 1.0), set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=math.pi))
+    fleet = {"h1": turned, "h2": hovering((0.0, -1.0, 1.0)), "h3": hovering((0.0, 1.0, 1.0))}
+    links = shaped(fleet, "line", "h1", 1.0, assign=True)
+    assert {name: link.offset_m[1] for name, link in links.items()} == {"h2": 1.0, "h3": -1.0}
+
+
+def test_a_formation_behind_a_vehicle_that_follows_or_stands_is_refused() -> None:
+    with pytest.raises(RefusedError, match="h2 follows h1; let it lead first"):
+        shaped(STATUSES, "line", "h2", 1.0, assign=False)
+    with pytest.raises(RefusedError, match="h1 does not fly"):
+        shaped({"h1": hovering((0.0, 0.0, 0.0), phase="armed")}, "line", "h1", 1.0, assign=False)
