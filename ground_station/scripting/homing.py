@@ -40,6 +40,7 @@ def fly_home(
     fleet.watch_motion()  # Vehicles without an agent are seen by the motion capture only.
     flying = _holding(fleet, vehicles, names)
     if flying:
+        fleet.wait(SETTLING_S)
         _begin(fleet, vehicles, _ways(fleet, flying))
     try:
         fleet.wait_for_arrival(flying, ARRIVED_M, LONGEST_S + ARRIVAL_S)
@@ -66,7 +67,6 @@ def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[s
     links, _ = formation_of(fleet.statuses())
     for name in dict.fromkeys(chain(flying, *(followers(links, name) for name in flying))):
         vehicles[name].lead()
-    fleet.wait(SETTLING_S)
     return flying
 
 
