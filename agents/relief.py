@@ -67,11 +67,14 @@ class LoadRelief:
 
     def update(self) -> bool:
         """Apply the decisions made before this step; return whether there were any."""
-        news = [self._plan(), self._take_decision()]
+        planned = self._plan()
+        noted = [relief for relief, event in _EVENTS.items() if event in self.bus.events]
+        if noted:
+            self._noted = noted[0]
         relief = max(self._planned, self._noted)
         if relief is not self.relief:
             self._change(relief)
-        return any(news)
+        return planned or bool(noted)
 
     def _plan(self) -> bool:
         """Plan by the newest status of the launcher; return whether the plan changes."""
@@ -86,13 +89,6 @@ class LoadRelief:
         self._planned, self._noted = planned, Relief.NONE
         self.overload.plan(planned)
         return True
-
-    def _take_decision(self) -> bool:
-        for relief, event in _EVENTS.items():
-            if event in self.bus.events:
-                self._noted = relief
-                return True
-        return False
 
     def _change(self, relief: Relief) -> None:
         if relief > self.relief:

@@ -67,7 +67,10 @@ class ControlLease:
             if number:
                 self.number, self._refused_since_s, self._ignored_since_s = number, None, None
             elif not self.held:
-                self._refuse(now_s)
+                if self._refused_since_s is None:
+                    self._refused_since_s = now_s
+                elif now_s - self._refused_since_s >= REFUSED_S and not self.take_over:
+                    self.lost = True
         self._lose_to(commanding)
 
     def note_applied(self, commanding: int, now_s: float) -> None:
@@ -77,12 +80,6 @@ class ControlLease:
             self._ignored_since_s = None
         elif self._ignored_since_s is None:
             self._ignored_since_s = now_s
-
-    def _refuse(self, now_s: float) -> None:
-        if self._refused_since_s is None:
-            self._refused_since_s = now_s
-        elif now_s - self._refused_since_s >= REFUSED_S and not self.take_over:
-            self.lost = True
 
     def _lose_to(self, commanding: int) -> None:
         if self.number and commanding > self.number:

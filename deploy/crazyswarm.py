@@ -19,8 +19,6 @@ from rcopterx.radios.udp import UDP, udp_address
 from rcopterx.user_text import TextError, host_and_port, is_ipv6
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
-_PORTS = {"vicon": 801, **USUAL_PORTS}
-"""Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
 MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
 ANY_DONGLE: Final = "radio://*/"
 SINGLE_MARKERS: Final = "librigidbodytracker"
@@ -160,8 +158,8 @@ def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
         raise FleetError(f"{path}: {where}: is missing")
     with errors_at(path):
         parameters = converted(document, MotionCapture, where)
-    if parameters.type not in _PORTS:
-        raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(_PORTS)}")
+    if parameters.type not in USUAL_PORTS:
+        raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(USUAL_PORTS)}")
     if not parameters.hostname:
         raise FleetError(f"{path}: hostname: is missing")
     if document.get("rigid_bodies"):
@@ -170,7 +168,7 @@ def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
     if is_ipv6(host):
         host = f"[{host}]"
     for address, remark in (
-        (f"{host}:{_PORTS[parameters.type]}", ""),
+        (f"{host}:{USUAL_PORTS[parameters.type]}", ""),
         (host, f"{path.name}: hostname {parameters.hostname!r} gives the port already: it is used"),
     ):
         with suppress(TextError):

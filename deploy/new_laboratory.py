@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -17,7 +18,6 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import vehicle_type
 
-SCHEMA: Final = "https://rcopterx.github.io/rcopterx/fleet.schema.json"  # for editors
 BENCH: Final = ("bind", "range-check", "calibrate")
 FIRMWARE_STEPS: Final[Mapping[str, Sequence[str]]] = {
     "crazyflie": ("pip install 'rcopterx[crazyflie]'", "give every Crazyflie its address: docs/crazyflie.md"),
@@ -108,34 +108,18 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
 
 def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
     """Return the text of the file, with comments on the next steps."""
-    comments = "\n".join(f"#     {step}" for step in laboratory.next_steps(path))
+    template = (files(__package__) / "new_fleet.template").read_text("utf-8")
+    head = template.format(
+        steps="\n".join(f"#     {step}" for step in laboratory.next_steps(path)),
+        name=quoted(laboratory.name),
+        min_m=list(laboratory.volume_min_m),
+        max_m=list(laboratory.volume_max_m),
+        brand=quoted(laboratory.brand),
+        address=quoted(laboratory.tracker),
+    )
     rate = "" if laboratory.rate_hz is None else f"rate_hz = {laboratory.rate_hz:g}\n"
-    parts = [
-        f"""\
-#:schema {SCHEMA}
-# Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
-# Next steps, in this order, with the fleet down:
-{comments}
-
-name = {quoted(laboratory.name)}
-
-# Vehicles that leave this box are landed. Metres, in the Tracker's world, z up; the floor is at z = 0.
-# Keep a margin to walls and people: nets, not the software, stop a helicopter without a radio.
-[volume]
-min_m = {list(laboratory.volume_min_m)}
-max_m = {list(laboratory.volume_max_m)}
-
-[tracker]
-brand = {quoted(laboratory.brand)}
-address = {quoted(laboratory.tracker)}
-{rate}"""
-    ]
-    if laboratory.simulator:
-        parts.append(laboratory.simulator)
-    parts += [
-        _vehicle_text(vehicle, number, laboratory) for number, vehicle in enumerate(laboratory.vehicles)
-    ]
-    return "\n".join(parts)
+    vehicles = (_vehicle_text(one, number, laboratory) for number, one in enumerate(laboratory.vehicles))
+    return "\n".join((head + rate, *filter(None, [laboratory.simulator]), *vehicles))
 
 
 def name_of(text: str) -> str:

@@ -82,8 +82,9 @@ def flights_in(directory: Path) -> list[Flight]:
     parts: dict[str, list[Path]] = {}
     for part in sorted(_parts(directory), key=lambda part: (int(part["number"]), part[0])):
         parts.setdefault(part["flight"], []).append(directory / part[0])
-    by_start = sorted(parts.items(), key=lambda item: _order(item[0]))
-    return [Flight(name, tuple(paths)) for name, paths in by_start]
+    # By number; without one by date and time of the start; then by name.
+    by_start = sorted(parts, key=lambda flight: (_number(flight), flight.partition("-")[2], flight))
+    return [Flight(name, tuple(parts[name])) for name in by_start]
 
 
 def _parts(directory: Path) -> list[re.Match[str]]:
@@ -98,11 +99,6 @@ def _parts(directory: Path) -> list[re.Match[str]]:
 def _number(flight: str) -> int:
     """Return the number of a flight, 0 for those of versions that did not number them."""
     return int(flight.split("-")[3]) if flight.count("-") == NUMBERED else 0
-
-
-def _order(flight: str) -> tuple[int, str, str]:
-    """Sort key of a flight: its number; without one date and time of its start; then its name."""
-    return _number(flight), flight.partition("-")[2], flight
 
 
 def found_flight(name: str, directory: Path) -> Flight:

@@ -13,7 +13,7 @@ import numpy as np
 from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.formation.topology import FormationGraph, followers, places
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, three
+from rcopterx.vehicles.state import three
 
 SPEED_SHARE: Final = 0.8
 ACCELERATION_SHARE: Final = 0.8  # shares of what the weakest follower can surely do
@@ -31,7 +31,9 @@ def profile_limits_of(links: FormationGraph, models: Mapping[str, Model], name: 
         model = models.get(follower, models.get(name))
         if model is None:
             continue
-        speeds, reach = _speeds(model), model.reach
+        half = 0.5 * np.subtract(model.state_max, model.state_min)[3:]
+        # Horizontal at any heading, vertical, of the heading.
+        speeds, reach = np.array([half[:2].min(), *half[2:]]), model.reach
         rate = np.minimum(rate, SPEED_SHARE * speeds)
         acceleration = np.minimum(acceleration, ACCELERATION_SHARE * model.sure_reach)
         arm_m = arms.get(follower, 0.0)
@@ -55,9 +57,3 @@ def arms_of(links: FormationGraph, name: str) -> dict[str, float]:
         if other in ahead
     }
     return {other: arm_m for other, arm_m in arms.items() if arm_m > SHORTEST_ARM_M}
-
-
-def _speeds(model: Model) -> Array:
-    """Half the ranges of velocities: horizontal at any heading, vertical, of the heading."""
-    half = 0.5 * np.subtract(model.state_max, model.state_min)[3:]
-    return np.array([half[:2].min(), *half[2:]])

@@ -1,12 +1,13 @@
 """14-byte frames for Spektrum radio boards (EdgeTX, `pulses/dsm2.cpp`)."""
 
+import struct
 from dataclasses import dataclass
 from typing import ClassVar
 
 from rcopterx.radios import protocol as base
 
 CHANNEL_COUNT = 6
-FRAME_LENGTH = 2 + 2 * CHANNEL_COUNT
+FRAME = struct.Struct(f">2B{CHANNEL_COUNT}H")
 PERIOD_S = 0.022
 LINE = base.SerialLine(125_000)
 FAMILIES = {"lp": 0x00, "dsm2": 0x10, "dsmx": 0x18}
@@ -53,22 +54,17 @@ class Dsm2SerialProtocol(base.OneWayRadio):
             raise base.ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
         header = FAMILIES[self.settings.family]
         header |= (BIND if flags.bind else 0) | (RANGE_CHECK if flags.range_check else 0)
-        frame = bytearray((header, self.settings.model))
-        for index, pulse_us in enumerate(pulses_us):
-            frame += (index << 10 | base.ten_bit_count(pulse_us)).to_bytes(2, "big")
-        return bytes(frame)
+        words = (index << 10 | base.ten_bit_count(pulse_us) for index, pulse_us in enumerate(pulses_us))
+        return FRAME.pack(header, self.settings.model, *words)
 
     def decode(self, frame: bytes) -> base.DecodedFrame:
         """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
-        if len(frame) != FRAME_LENGTH:
-            raise base.FrameDecodeError(
-                f"dsm2_serial: frame of {len(frame)} bytes, {FRAME_LENGTH} are needed"
-            )
+        if len(frame) != FRAME.size:
+            raise base.FrameDecodeError(f"dsm2_serial: frame of {len(frame)} bytes, {FRAME.size} are needed")
         if frame[0] & ~(BIND | RANGE_CHECK) not in FAMILIES.values():
             raise base.FrameDecodeError(f"dsm2_serial: unknown header 0x{frame[0]:02X}")
         pulses = []
-        for index in range(CHANNEL_COUNT):
-            word = int.from_bytes(frame[2 + 2 * index : 4 + 2 * index], "big")
+        for index, word in enumerate(FRAME.unpack(frame)[2:]):
             if word >> 10 != index:
                 raise base.FrameDecodeError(
                     f"dsm2_serial: word {index + 1} says it is channel {(word >> 10) + 1}"

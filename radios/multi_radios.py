@@ -1,8 +1,12 @@
 """Radio protocols of a Multiprotocol module (protocol: DIY-Multiprotocol-TX-Module)."""
 
+import tomllib
 from dataclasses import dataclass
+from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
+
+import msgspec
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,20 +25,6 @@ class MultiRadio:
 
 
 DSM: Final = 6
-RADIOS: Final = MappingProxyType(
-    {
-        "DSM": MultiRadio(DSM, ("2 1F", "2 2F", "X 1F", "X 2F"), 12),
-        "SLT": MultiRadio(
-            11, ("V1_6ch", "V2_8ch", "Q100", "Q200", "MR100", "V1_4ch", "RF_SIM", "SLT6TX"), 13, True
-        ),
-        "FrSky D": MultiRadio(3, ("D8", "Cloned"), 8),
-        "FrSky X": MultiRadio(15, ("D16", "D16 8ch", "LBT(EU)", "LBT 8ch", "Cloned", "Clo 8ch"), 16),
-        "FlSky2A": MultiRadio(28, ("PWM,IBUS", "PPM,IBUS", "PWM,SBUS", "PPM,SBUS"), 16),
-        "CFlie": MultiRadio(38, ("",), 4),
-        "V911S": MultiRadio(46, ("V911S", "E119"), 9),
-        "EskyV2": MultiRadio(69, ("150V2",), 16),
-        "OMP": MultiRadio(77, ("",), 7),
-        "E129": MultiRadio(83, ("E129", "C186"), 12, True),
-    }
-)
+_TABLE: Final = tomllib.loads((files(__package__) / "multi_radios.toml").read_text("utf-8"))
+RADIOS: Final = MappingProxyType(msgspec.convert(_TABLE, dict[str, MultiRadio]))
 """Protocols by the name that the module reports, as far as vehicle types use them."""

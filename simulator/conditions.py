@@ -14,14 +14,7 @@ FIRST_ORDER: Final = "first_order"
 COAXIAL_PLANTS: Final = (FIRST_ORDER, "helicopter", "drawn_helicopter", "drawn_coax")
 ADDED: Final = ":"  # in names of plants that installed packages add, PACKAGE:KIND
 
-_RANGES: Final = {
-    "lag_mismatch": (0.0, 0.9), "parameter_mismatch": (0.0, 0.9), "battery_sag": (0.0, 0.9),
-    "radio_period_s": (0.0, 0.2), "position_noise_m": (0.0, 1.0), "angle_noise_rad": (0.0, 1.0),
-    "trim_offset": (0.0, 1.0), "dropout_fraction": (0.0, 1.0), "turbulence_correlation_s": (1e-3, 1e3),
-    "battery_endurance_s": (1.0, 1e6), "substep_s": (1e-5, 0.004), "downwash_m_s2": (0.0, 10.0),
-    "gyro_hold_per_s": (0.0, 10.0), "gyro_drift_rad_s": (0.0, 10.0),
-    "lever_arm_m": (-0.2, 0.2),
-}  # fmt: skip
+_RANGES: Final = tomllib.loads((files(__package__) / "condition_ranges.toml").read_text("utf-8"))
 """Lowest and highest value of fields of `Conditions`."""
 
 

@@ -74,7 +74,7 @@ class Dsm2Board(FreeRunningModule):
 
     def __init__(self, powered_s: float = 0.0) -> None:
         self._protocol = dsm2_serial.Dsm2SerialProtocol()
-        super().__init__(dsm2_serial.LINE, dsm2_serial.FRAME_LENGTH, powered_s)
+        super().__init__(dsm2_serial.LINE, dsm2_serial.FRAME.size, powered_s)
 
     def _forget(self) -> None:
         self._pulses: tuple[float, ...] = ()

@@ -57,20 +57,8 @@ STATIC_TYPES = frozenset(
 )
 """Static types: kept until a packet carries any object of this class."""
 
-DYNAMIC_TYPES = frozenset(
-    {
-        ObjectType.FRAME_INFO,
-        ObjectType.LABELED_RECONS,
-        ObjectType.UNLABELED_RECONS,
-        ObjectType.LOCAL_SEGMENTS,
-        ObjectType.GLOBAL_SEGMENTS,
-        ObjectType.LIGHTWEIGHT_SEGMENTS,
-        ObjectType.TIMECODE,
-        ObjectType.LATENCY_INFO,
-        ObjectType.HARDWARE_FRAME_INFO,
-        ObjectType.FRAME_RATE_INFO,
-    }
-)
+_DIALOGUE = {ObjectType.OBJECT_ENUMS, ObjectType.REQUEST_FRAME, ObjectType.CONTENTS, ObjectType.PING}
+DYNAMIC_TYPES = frozenset(ObjectType) - STATIC_TYPES - _DIALOGUE
 """Dynamic types: rebuilt by every packet."""
 
 

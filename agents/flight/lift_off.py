@@ -105,7 +105,8 @@ class LiftOff:
         climb_m_s = 0.0
         for _ in range(BISECTIONS):
             share = 0.5 * (lightest + heaviest)
-            height_m, climb_m_s = _risen(acting, share)
+            climbs_m_s = _climb_m_s(acting, share)
+            height_m, climb_m_s = float(STEP_S * climbs_m_s.sum()), float(climbs_m_s[-1])
             lightest, heaviest = (share, heaviest) if height_m > risen_m else (lightest, share)
         return 0.5 * (lightest + heaviest), climb_m_s
 
@@ -153,7 +154,7 @@ def _pulse(hover: float, largest: float, lag_s: float) -> _Pulse:
     """Largest pulse of a rotor with a first-order lag and a hover thrust, `largest` as a share of that."""
     for percent in range(100, 0, -4):
         pulse = _pulse_to(0.01 * percent * UNSEEN_M_S, hover, largest, lag_s)
-        if _highest_m(pulse.acting, LIGHT) < LIGHT_M:
+        if STEP_S * np.cumsum(_climb_m_s(pulse.acting, LIGHT)).max() < LIGHT_M:
             break
     return pulse
 
@@ -205,17 +206,6 @@ def _climb_m_s(acting: Array, share: float) -> Array:
     """Climb rates from the floor on under a rotor; the weight is a share of the hover thrust."""
     from_floor = acting[int(np.argmax(acting > share)) :]
     return np.cumsum(GRAVITY_M_S2 * STEP_S * (from_floor / share - 1.0))
-
-
-def _highest_m(acting: Array, share: float) -> float:
-    """Greatest height of such a vehicle."""
-    return float(STEP_S * np.cumsum(_climb_m_s(acting, share)).max())
-
-
-def _risen(acting: Array, share: float) -> tuple[float, float]:
-    """Height and climb rate of such a vehicle now."""
-    climb_m_s = _climb_m_s(acting, share)
-    return float(STEP_S * climb_m_s.sum()), float(climb_m_s[-1])
 
 
 FLOOR_TOLERANCE_M: Final = 0.03

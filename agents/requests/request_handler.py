@@ -133,7 +133,11 @@ class RequestHandler:
     def __post_init__(self) -> None:
         self._tuned_by: Incoming | None = None
         self.trajectories = TrajectoryRequests(
-            self.settings.room, self.pilot, self._no_trajectory, self._formation_check, self.wake
+            self.settings.room,
+            self.pilot,
+            lambda: self.changes.promised() or self.pilot.guidance.flight_problem(),
+            lambda: self._check_of(*self.peers.formation()),
+            self.wake,
         )
         """The trajectory that is being checked."""
         self._at_once: dict[type[requests.Request], Callable[[Any], requests.Reply]] = {
@@ -252,14 +256,8 @@ class RequestHandler:
         limits = profile_limits_of(links, {vehicle: self.pilot.model, **models}, vehicle)
         return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, time_s, limits))
 
-    def _no_trajectory(self) -> str | None:
-        return self.changes.promised() or self.pilot.guidance.flight_problem()
-
-    def _formation_check(self) -> FormationCheck:
-        """Return the check of a way for the present followers and for vehicles that are not avoided."""
-        return self._check_of(*self.peers.formation())
-
     def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> FormationCheck:
+        """Return the check of a way for the present followers and for vehicles that are not avoided."""
         own, others = self.settings.vehicle, {}
         if self.settings.separation is None or self.pilot.step_guard.avoiding is None:
             moved = {own, *followers(links, own)}

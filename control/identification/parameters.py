@@ -1,13 +1,15 @@
 """Parameters of a fit with their prior spreads."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from operator import attrgetter
 from typing import Any, Final
 
 from rcopterx.control.identification.motions import Candidate
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+from rcopterx.vehicles.state import U_YAW
 
 
 @dataclass(frozen=True)
@@ -100,46 +102,19 @@ def _yaw_rate(candidate: Candidate) -> float:
 
 SHORTEST_YAW_S: Final = 0.02  # the cascade's Euler steps of one period do not follow faster yaw rates
 LONGEST_YAW_S: Final = 10.0  # time constant of a yaw rate without damping
-PITCH_GAIN: Final = _number("pitch gain", "model.input_gain", "m/s^2", 0.25, U_PITCH)
-ROLL_GAIN: Final = _number("roll gain", "model.input_gain", "m/s^2", 0.25, U_ROLL)
-THRUST_GAIN: Final = _number("thrust gain", "model.input_gain", "m/s^2", 0.15, U_THRUST)
-FREQUENCY: Final = _number("tilt frequency", "model.tilt.frequency_rad_s", "rad/s", 0.25)
-DAMPING: Final = _number("tilt damping", "model.tilt.damping_ratio", "", 0.7)
+_TABLE: Final = tomllib.loads((files(__package__) / "parameters.toml").read_text("utf-8"))
+_GROUPS: Final = {group: tuple(_number(**row) for row in rows) for group, rows in _TABLE.items()}
+PITCH_GAIN, ROLL_GAIN, THRUST_GAIN = _GROUPS["gains"]
+FREQUENCY, DAMPING, _ = _GROUPS["tilt"]
 
 _DELAY: Final = Parameter(
     "transport delay", "s", 0.01, False, lambda candidate: candidate.model.delay_s, _with_delay
 )
-# In hover the air moves more than the vehicle: its ratio to the drag shows, and either alone hardly.
-FLAPPING: Final = _number("flapping", "model.tilt.flapping_rad_s_m", "rad/(s m)", 0.35)
 _HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _DELAY)
-# Beside the trim, sticks bear the push of air at a place, by walls and the wakes of others.
-_TRIM: Final = (
-    _number("pitch trim", "offsets.trim", "", 0.1, 0, positive=False),
-    _number("roll trim", "offsets.trim", "", 0.1, 1, positive=False),
-)
 _LAG: Final = (_of_both("lag of pitch and roll", "lag_s", "s", 0.4, 1.0),)
-_TILT: Final = (
-    FREQUENCY,
-    DAMPING,
-    _number("servo lag", "model.tilt.servo_lag_s", "s", 0.4),
-    _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
-    _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),
-    _number("upper share", "model.tilt.upper_share", "", 0.15),
-    _number("direct lift", "model.tilt.direct_m", "m", 0.35),
-)
-_PLAIN_TILT: Final = _TILT[:3]
-_BAR: Final = (_number("bar time constant", "model.tilt.bar_time_constant_s", "s", 0.3),)
-_BODY: Final = (
-    _number("body offset forward", "offsets.body_rad", "rad", 0.05, 0, positive=False),
-    _number("body offset left", "offsets.body_rad", "rad", 0.05, 1, positive=False),
-)
-
-# It resembles the direct lift: the priors of both decide.
-LEVER_ARM: Final = _number("lever arm", "model.lever_arm_m", "m", 0.02, positive=False)
-
-_THRUST_LAG: Final = _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST)
+_THRUST_LAG, _PER_VOLT = _GROUPS["thrust"]
 _SLOPE: Final = replace(THRUST_GAIN, spread=0.3, write=_with_slope)
-_PER_VOLT: Final = _number("thrust per volt", "offsets.per_volt", "1/V", 0.1, positive=False)
+_YAW_LAG, _COUPLING = _GROUPS["yaw"]
 YAW_RATE_GAIN: Final = Parameter(
     "yaw rate gain",
     "rad/s",
@@ -158,9 +133,8 @@ _HEADING: Final = (
         _yaw_time_s,
         lambda candidate, time_s: _with_yaw_loop(candidate, _yaw_rate(candidate), time_s),
     ),
-    _number("yaw lag", "model.lag_s", "s", 0.3, U_YAW),
+    _YAW_LAG,
 )
-_COUPLING: Final = _number("thrust coupling", "model.thrust_coupling", "", 1.0, positive=False)
 
 
 def vertical_parameters(logged: bool) -> tuple[Parameter, ...]:
@@ -178,14 +152,13 @@ def horizontal_parameters(model: Model, with_tilt: bool, with_lever: bool) -> tu
     """Return the parameters of the horizontal motion of a model, perhaps with measured tilt and lever arm."""
     motion = _HORIZONTAL[2:] if model.sticks_known else _HORIZONTAL
     if model.tilt is None:
-        return (*motion, *_LAG, *_TRIM)
-    bar = model.tilt.bar_time_constant_s is not None
+        return (*motion, *_LAG, *_GROUPS["trim"])
     return (
         *motion,
-        *(_TILT if bar else _PLAIN_TILT),
-        *(_BAR if bar else ()),
-        *((FLAPPING,) if model.tilt.flapping_rad_s_m else ()),
-        *_TRIM,
-        *(_BODY if with_tilt else ()),
-        *((LEVER_ARM,) if with_lever else ()),
+        *_GROUPS["tilt"],
+        *(_GROUPS["bar"] if model.tilt.bar_time_constant_s is not None else ()),
+        *(_GROUPS["flapping"] if model.tilt.flapping_rad_s_m else ()),
+        *_GROUPS["trim"],
+        *(_GROUPS["body"] if with_tilt else ()),
+        *(_GROUPS["lever_arm"] if with_lever else ()),
     )

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from rcopterx.control.references.paths import MAX_KNOTS, FlightPath, PathError
 from rcopterx.vehicles.state import Array
@@ -93,7 +93,8 @@ def through(waypoints: Sequence[Sequence[float]] | Array, whole_turns: bool = Fa
         )
     if not whole_turns:
         table[:, 4] = np.unwrap(table[:, 4])
-    spline = _spline_at_rest(table[:, 0], table[:, 1:])
+    at_rest: Any = [(order, np.zeros(4)) for order in (1, 2)]  # rates and accelerations at both ends
+    spline = make_interp_spline(table[:, 0], table[:, 1:], k=5, bc_type=(at_rest, at_rest))
     times = _knot_times(float(table[-1, 0] - table[0, 0])) + table[0, 0]
     parts = [spline(times), spline.derivative(1)(times), spline.derivative(2)(times)]
     return FlightPath(np.column_stack((times - table[0, 0], *parts)))
@@ -118,13 +119,6 @@ def _along(
         towards = math.copysign(1.0, whole_rad) * ahead if heading == "along" else center_m - places
         yaw_rad = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
     return through(np.column_stack((times, places, yaw_rad)))
-
-
-def _spline_at_rest(times: Array, values: Array) -> BSpline:
-    """Quintic spline through rows of values, with zero rate and acceleration at both ends."""
-    zeros = np.zeros(values.shape[1])
-    ends: Any = [(1, zeros), (2, zeros)]
-    return make_interp_spline(times, values, k=5, bc_type=(ends, ends))
 
 
 def _eased(times: Array, ramp_s: float, duration_s: float) -> Array:

@@ -88,7 +88,7 @@ class Supervisor:
         self._logs = log_directory
         self._forks = forks
         self.spares = spares or Spares(forks, (), (), log_directory / "spare.log")
-        self._clock, self._lived_s = clock, lived_s or self._age_s
+        self._clock, self._lived_s = clock, lived_s or (lambda name: clock() - self.children[name].started_s)
         self._selector = selectors.DefaultSelector()
         self._attempt = Attempts(clock)
         self._prepare_at_s = self._spare_at_s = 0.0
@@ -268,9 +268,6 @@ class Supervisor:
             silence = f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed"
             cause = f"{silence}; {cause}"
         return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
-
-    def _age_s(self, name: str) -> float:
-        return self._clock() - self.children[name].started_s
 
     @property
     def flying(self) -> bool:

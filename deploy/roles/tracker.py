@@ -20,8 +20,8 @@ OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
 SIMULATED: Final = ("vicon", "vicon_sdk")  # brands whose protocol the simulator speaks
 LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}  # names in the library `motioncapture` unlike ours
-USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
-"""For error messages: the fleet file has to name the port."""
+USUAL_PORTS: Final = {"vicon": 801, "optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
+"""Of a Vicon Tracker by default; for others the fleet file has to name the port."""
 
 
 def run(fleet: FleetFile, _host: str) -> None:

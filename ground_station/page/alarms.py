@@ -1,8 +1,10 @@
 """Alarms of the page: causes in words with a remedy, one line for all vehicles that share a cause."""
 
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Final
 
 from msgspec import Struct
@@ -20,20 +22,7 @@ CHARGE: Final = "land it, and charge its battery"
 _SLOW_REMEDY: Final = (
     "end other programs, fly fewer vehicles or shorten horizons; rcopterx doctor measures it"
 )
-_LATE: Final = "its agent is late or has ended: rcopterx top shows the load, rcopterx logs the reason"
-_REMEDIES: Final = (
-    ("battery", "charge its battery"),
-    ("landed", "set it down in the volume, and take off again"),
-    ("commands", _LATE),
-    ("planned inputs", _LATE),
-    ("pose", "check that the motion capture sees all its markers, inside the volume"),
-    ("far outside", "carry it back into the volume"),
-    ("serial link", "plug its radio in again"),
-    ("transmitter not ready", "check its radio: rcopterx check names the problem"),
-    ("lift-off", "charge the battery, check that all motors run, then disarm it"),
-    ("shutting down", "its transmitter gateway has ended: rcopterx up starts it again"),
-    ("killed", "Reset when everybody is clear of the rotors"),
-)
+_REMEDIES: Final = tomllib.loads((files(__package__) / "alarms.toml").read_text("utf-8"))
 """What to do, by what the arbiter's state and reason contain; the first one counts."""
 
 
@@ -82,7 +71,7 @@ def causes_of(state: VehicleState) -> Iterator[Cause]:
 def _of_arbiter(state: VehicleState) -> Cause:
     """Cause of a vehicle that its transmitter gateway flies, or whose motors it has cut."""
     words, known = taken_over(state), f"{state.transmitter_state}: {state.reason}"
-    remedy = next((what for key, what in _REMEDIES if key in known), "")
+    remedy = next((what for key, what in _REMEDIES.items() if key in known), "")
     return Cause(f"{words.text}: {state.reason}", words.level, remedy, state.name)
 
 

@@ -1,6 +1,8 @@
 """The signals of a vehicle over time, for trails, sparklines and plots."""
 
+import tomllib
 from collections.abc import Sequence
+from importlib.resources import files
 from typing import Final
 
 from rcopterx.ground_station.report.latency import TOTAL
@@ -8,16 +10,8 @@ from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_
 
 SAMPLE_S: Final = 0.1
 KEPT_S: Final = 120.0
-
-
-SIGNALS: Final = (
-    ("x_m", "x", "m", 3), ("y_m", "y", "m", 3), ("z_m", "z", "m", 3), ("heading_deg", "heading", "°", 0),
-    ("reference_x_m", "x of reference", "m", 3), ("reference_y_m", "y of reference", "m", 3),
-    ("reference_z_m", "z of reference", "m", 3), ("error_mm", "error", "mm", 1),
-    ("pitch", "pitch stick", "", 3), ("roll", "roll stick", "", 3), ("thrust", "thrust stick", "", 3),
-    ("yaw", "yaw stick", "", 3), ("solve_ms", "solver, median", "ms", 2), ("voltage_v", "battery", "V", 2),
-    ("latency_ms", "pose to radio, median", "ms", 1),
-)  # fmt: skip
+_TABLE: Final = tomllib.loads((files(__package__) / "signals.toml").read_text("utf-8"))
+SIGNALS: Final = tuple((name, *row) for name, row in _TABLE.items())
 """Signals that plots offer: name, label, unit, digits after the point."""
 
 
