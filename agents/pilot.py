@@ -17,7 +17,7 @@ from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.agents.estimation import EstimatorGuard, StampedMeasurement, StateEstimation
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.lift_off import LiftOff
-from rcopterx.agents.flight.sign_proof import CLIMB_AFTER_S, PROOF_M, SETTLING_S, SignProof
+from rcopterx.agents.flight.sign_proof import PROOF_M, SETTLING_S, SignProof
 from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputHistory, as_sent
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
@@ -350,14 +350,14 @@ class Pilot:
         lifted, carrying_thrust = self._lift_off.handed_over(self.estimate.motion, time_s)
         self.estimator.take_over(lifted)
         # It climbs once its sticks have been proved, or nearly so.
+        self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
         above = self.estimate.motion.copy()
         above[Z] += PROOF_M
-        self.guidance.lifted(self.estimate._replace(motion=above), time_s + CLIMB_AFTER_S)
+        self.guidance.lifted(self.estimate._replace(motion=above), time_s + self._signs.climb_after_s)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
         carrying[U_THRUST] = carrying_thrust
         self._lift_off.end()
-        self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
         height_m = float(self.estimate.motion[Z])
         self._signs.begin(time_s, floor_m=self._lift_off.floor_m, height_m=height_m)
         self._start_controller(self.estimation.compensated(self.model), carrying)

@@ -10,7 +10,7 @@ TRIES: Final = 3  # so many requests without an answer, and the firmware does no
 
 
 class Rule(NamedTuple):
-    """A parameter under its present name, what has to hold, and the right value for people."""
+    """A parameter under its present name, what has to hold, and the right value for people, with settings."""
 
     name: str
     holds: Callable[[float, MavlinkSettings], bool]
@@ -30,14 +30,24 @@ RULES: Final[dict[int, tuple[Rule, ...]]] = {
         Rule("GUID_OPTIONS", lambda value, _: bool(int(value) & THRUST_BIT), "8, thrust of set points"),
         Rule("GUID_TIMEOUT", _short, "0.5 s"),
         Rule("FS_GCS_ENABLE", lambda value, _: value > 0, "5, land without the gateway"),
-        Rule("MAV_GCS_SYSID", lambda value, settings: value == settings.own_system, "own_system"),
-        Rule("SYSID_MYGCS", lambda value, settings: value == settings.own_system, "own_system"),
-        Rule("ATC_ANGLE_MAX", lambda value, settings: value >= settings.full_tilt_deg, "full_tilt_deg"),
-        Rule("ANGLE_MAX", lambda value, settings: value >= 100 * settings.full_tilt_deg, "full_tilt_deg"),
+        Rule(
+            "MAV_GCS_SYSID",
+            lambda value, settings: value == settings.own_system,
+            "{0.own_system}, own_system",
+        ),
+        Rule(
+            "SYSID_MYGCS", lambda value, settings: value == settings.own_system, "{0.own_system}, own_system"
+        ),
+        Rule("ATC_ANGLE_MAX", lambda value, settings: value >= settings.full_tilt_deg, "{0.full_tilt_deg:g}"),
+        Rule(
+            "ANGLE_MAX",
+            lambda value, settings: value >= 100 * settings.full_tilt_deg,
+            "100 * {0.full_tilt_deg:g}",
+        ),
     ),
     PX4: (
         Rule("COM_OF_LOSS_T", _short, "0.5 s"),
-        Rule("MC_YAWRATE_MAX", lambda value, s: value >= s.full_yaw_rate_deg_s, "full_yaw_rate_deg_s"),
+        Rule("MC_YAWRATE_MAX", lambda value, s: value >= s.full_yaw_rate_deg_s, "{0.full_yaw_rate_deg_s:g}"),
     ),
 }
 
@@ -67,7 +77,8 @@ class ParameterCheck:
         for rule in self._left:
             if rule.name == message.param_id and math.isfinite(message.param_value):
                 if not rule.holds(message.param_value, self._settings):
-                    self._wrong.append(f"{rule.name} is {message.param_value:g}, right is {rule.right}")
+                    right = rule.right.format(self._settings)
+                    self._wrong.append(f"{rule.name} is {message.param_value:g}, right is {right}")
                 self._left = [other for other in self._left if other is not rule]
                 return
 

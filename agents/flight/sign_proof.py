@@ -37,24 +37,24 @@ from rcopterx.vehicles.state import (
 STICKS: Final = [U_PITCH, U_ROLL, U_YAW]
 PULSE_S: Final = 0.1
 PULSES: Final = np.array(
-    ((1, 1, 0), (1, -1, 0), (-1, -1, 1), (-1, 1, 1), (0, 0, -1), (0, 0, -1)), dtype=np.float64
+    ((1, 1, 0), (0, 0, 1), (0, -1, 1), (1, -1, 0), (-1, 1, -1), (-1, 0, -1)), dtype=np.float64
 )
-"""Pulses of the sticks, shape (k, 3), with sums of 0: they leave no velocity."""
-ROUND_S: Final = PULSE_S * len(PULSES) + 0.14  # pulses and the answer to the last one
-PULSE_M_S2: Final = 0.8  # acceleration that a pulse of pitch or roll asks for
+"""Pulses of the sticks, shape (k, 3), with sums of 0: they leave no velocity. Answers that are up to 90 ms
+later than the model says are not like those to another stick, or to a reversed one."""
+ANSWER_S: Final = 0.17  # time in which a quick vehicle tilts
+PULSE_M_S2: Final = 0.8  # acceleration that a pulse of pitch or roll asks of it; more of a slower one
 PULSE_RAD_S: Final = 1.0  # yaw rate that it asks for
 LARGEST_PULSE: Final = 0.5  # of the room of a stick
 CLEAR_M: Final = 0.012  # a vehicle that is lower may touch the floor again and answer no pulse
 WAITING_S: Final = 0.03  # so long after it was lower, more than a control period, the pulses begin
 PROOF_M: Final = 0.1  # height above the floor meanwhile, where poses have proved themselves
-CLIMB_AFTER_S: Final = 0.6  # so long after the lift-off the climb begins
 SETTLING_S: Final = 0.4  # after an interruption the vehicle settles before the proof begins again
 LIFTED_S: Final = 0.1  # a vehicle has left the floor so long before it is clear of it
 
 EARLY_S: Final = 0.2  # so long after the beginning of a round pitch and roll are judged...
 EARLY_LEAD: Final = 0.8  # ...if the effects are by so much nearer to one reading than to the next one,
-SHOWN_S: Final = 0.44  # ...and once all their pulses have been answered...
-SHOWN_FAR_S: Final = 0.52  # ...which the position shows later...
+SHOWN_S: Final = 0.13  # ...and so long before the end of a round, once all their pulses have been answered...
+SHOWN_FAR_S: Final = 0.05  # ...which the position shows later...
 LEAST_LEAD: Final = 0.2  # ...by so much,
 CERTAIN: Final = 4.0  # ...and by so many standard deviations
 SURE: Final = 14.0  # standard deviations by which a heading turns the wrong way
@@ -84,7 +84,14 @@ class SignProof:
     def __init__(self, model: Model, *, measured_tilt: bool = True) -> None:
         self._model, self._tilted = model, measured_tilt and model.tilt is not None
         turning_s = min(PULSE_S, 1.0 / -model.damping[U_YAW]) if model.damping[U_YAW] < 0.0 else PULSE_S
-        wanted = np.array((PULSE_M_S2, PULSE_M_S2, PULSE_RAD_S / turning_s))
+        answer_s = ANSWER_S
+        if model.tilt is not None:
+            own_s = 2.0 * model.tilt.damping_ratio / model.tilt.frequency_rad_s
+            answer_s = max(answer_s, model.tilt.servo_lag_s + own_s)
+        self.round_s = PULSE_S * len(PULSES) + answer_s  # pulses and the answer to the last one
+        self.climb_after_s = self.round_s - ANSWER_S  # so long after the lift-off the climb begins
+        tilting = PULSE_M_S2 * answer_s / ANSWER_S
+        wanted = np.array((tilting, tilting, PULSE_RAD_S / turning_s))
         self._sizes = np.minimum(wanted / model.b[STICKS], LARGEST_PULSE * model.stick_room[STICKS])
         self._open: set[int] = set()  # sticks that are not proved
         self._rounds, self._clear_m = 0, -math.inf
@@ -184,20 +191,20 @@ class SignProof:
         elapsed_s, fault = time_s - self._begun_s, None
         if U_PITCH in self._open and elapsed_s > EARLY_S:
             fault = self._judge_lateral(elapsed_s)
-        if fault is None and U_YAW in self._open and elapsed_s > ROUND_S:
+        if fault is None and U_YAW in self._open and elapsed_s > self.round_s:
             fault = self._judge_yaw()
-        if fault is None and self._open and elapsed_s > ROUND_S:
+        if fault is None and self._open and elapsed_s > self.round_s:
             fault = self._judge_silence()
         if fault is not None:
             self.end()
-        elif self._open and elapsed_s > ROUND_S:
+        elif self._open and elapsed_s > self.round_s:
             self._begin_round(time_s)
         return fault
 
     def _judge_lateral(self, elapsed_s: float) -> VehicleFault | None:
         """Judge pitch and roll: right by the tilt or the position, wrong by all that is measured."""
-        tilt = _reading(self._tilt_seen, elapsed_s > SHOWN_S) if self._tilted else None
-        far = elapsed_s > SHOWN_FAR_S
+        tilt = _reading(self._tilt_seen, elapsed_s > self.round_s - SHOWN_S) if self._tilted else None
+        far = elapsed_s > self.round_s - SHOWN_FAR_S
         # Beside a tilt the position serves as a second witness, once it has seen everything.
         place = _reading(self._place_seen, far) if far or not self._tilted else None
         if 0 in (tilt, place):
@@ -248,7 +255,8 @@ def _reading(seen: "_Regression", shown: bool) -> int | None:
     shares = np.array([float((reading.ravel() * value[:4]).sum()) for reading, _ in READINGS])
     second, best = np.argsort(shares)[-2:].tolist()
     lead = float(shares[best] - shares[second])
-    certain = lead > max(LEAST_LEAD if shown else EARLY_LEAD, CERTAIN * float(deviation[:4].max()))
+    uncertain = 2.0 * float(deviation[:4].max())  # readings differ by twice an effect
+    certain = lead > max(LEAST_LEAD if shown else EARLY_LEAD, CERTAIN * uncertain)
     if best == 0:
         certain = certain and lead > 2.0 * LEAST_EFFECT
     return best if certain else None

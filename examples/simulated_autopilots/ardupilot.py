@@ -3,10 +3,11 @@
 python examples/simulated_autopilots/ardupilot.py quad1=udpin:127.0.0.1:14550 quad2=udpin:127.0.0.1:14551
 """
 
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
-from truth import MavlinkTruth, TrueState, main
+from truth import MavlinkTruth, Origin, TrueState, main
 
 
 def state_of(message: Any) -> TrueState:
@@ -16,10 +17,10 @@ def state_of(message: Any) -> TrueState:
     return TrueState(1e-7 * message.lat_int, 1e-7 * message.lon_int, message.alt, rotation, velocity_m_s)
 
 
-def vehicle(text: str) -> MavlinkTruth:
-    """A vehicle `SUBJECT=LINK`."""
-    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_SIM_STATE, state_of)
+def vehicle(text: str, origin: Origin | None = None) -> MavlinkTruth:
+    """A vehicle `SUBJECT=LINK`; without an origin it is its own."""
+    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_SIM_STATE, state_of, origin)
 
 
 if __name__ == "__main__":
-    main(__doc__, vehicle, "SUBJECT=LINK")
+    main(__doc__, partial(vehicle, origin=Origin()), "SUBJECT=LINK")

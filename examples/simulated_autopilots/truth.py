@@ -42,6 +42,12 @@ class TrueState(NamedTuple):
     """North, east, down."""
 
 
+class Origin:
+    """Where the Tracker's origin is: `state`, that of the vehicle that is seen first."""
+
+    state: TrueState | None = None
+
+
 class SmoothPath:
     """Follows positions in steps of 10 mm, which arrive late or several at once, by their velocities."""
 
@@ -69,17 +75,18 @@ class SmoothPath:
 class MavlinkTruth:
     """A simulation that sends its true state as one message of MAVLink; text `SUBJECT=LINK`.
 
-    Links are written as pymavlink does. The Tracker's origin is where the vehicle is seen first, x points
-    north, y west, z up.
+    Links are written as pymavlink does. x points north, y west, z up.
     """
 
-    def __init__(self, text: str, number: int, state_of: Callable[[Any], TrueState]) -> None:
+    def __init__(
+        self, text: str, number: int, state_of: Callable[[Any], TrueState], origin: Origin | None = None
+    ) -> None:
         self._subject, _, link = text.partition("=")
         self._link = mavutil.mavlink_connection(link, source_system=254)
         self._number, self._state_of = number, state_of
         self._name = mavlink.mavlink_map[number].msgname
         self._requested_s, self._path = -math.inf, SmoothPath()
-        self._origin: TrueState | None = None
+        self._origin = origin or Origin()
         self._rotation: Sequence[float] = ()
 
     def body(self, now_s: float) -> TrackedBody:
@@ -100,7 +107,7 @@ class MavlinkTruth:
         return TrackedBody(self._subject, (x_m, y_m, z_m), (x, -y, -z, w))
 
     def _use(self, state: TrueState, now_s: float) -> None:
-        self._origin = first = self._origin or state
+        self._origin.state = first = self._origin.state or state
         east = METRES_PER_DEGREE * math.cos(math.radians(first.latitude_deg))
         place_m = (
             METRES_PER_DEGREE * (state.latitude_deg - first.latitude_deg),

@@ -10,7 +10,7 @@ from rcopterx.agents.flight.lift_off import FAILED_S
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.transmitter_gateway.inputs import State
 
-TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
+TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor", "ardupilot_quadrotor"]
 HIGHEST_M = 0.15
 HARDEST_M_S = 1.0
 FROM_STANDING_M = 0.28  # of a light vehicle in the hop of a pulse, which a body on the floor hides

@@ -11,7 +11,7 @@ from rcopterx.simulator.plant import BodyPose, PlantFaults
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.vehicles.phases import Phase
 
-TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"]
+TYPES = ["coaxial", "crazyflie", "betaflight", "mavlink_quadrotor", "ardupilot_quadrotor"]
 HIGHEST_M = 0.3
 HARDEST_M_S = 1.0
 FARTHEST_M = 0.7

@@ -128,6 +128,20 @@ def test_a_client_of_the_tracker_sees_the_true_state(
     assert pose.quaternion_xyzw == pytest.approx(TURNED.quaternion_xyzw, abs=1e-4)
 
 
+def test_two_simulations_are_shown_from_the_place_where_the_first_one_was_seen() -> None:
+    origin, places_m = truth.Origin(), []
+    for path, north_deg in zip(udp_paths(2), (0.0, 1.0 / 111_319.5), strict=True):
+        simulation = Simulation(udp_address(path), sim_state)
+        simulation.away = (north_deg, 0.0, 100.0)
+        try:
+            with shown(ardupilot.vehicle(path.replace("udp://", "quad1=udpin:"), origin)) as newest:
+                places_m.append(newest(lambda _: True).position_m)
+        finally:
+            simulation.end()
+    assert places_m[0] == pytest.approx((0.0, 0.0, 0.0), abs=0.002)
+    assert places_m[1] == pytest.approx((1.0, 0.0, 0.0), abs=0.012), "steps of 1e-7 degrees"
+
+
 @pytest.mark.parametrize("together", [1, 3])
 def test_a_coarse_height_that_arrives_late_is_shown_smooth_and_true(together: int) -> None:
     path, shown_m, speed_m_s = truth.SmoothPath(), [], 1.2

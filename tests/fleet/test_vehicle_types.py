@@ -215,17 +215,25 @@ def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol(
     assert (low, hover, high) == (1100.0, 1540.0, 1900.0), "thrust is linear"
 
 
-def test_full_stick_of_a_quadrotor_with_mavlink_is_the_same_for_its_model_and_its_protocol() -> None:
-    kind = vehicle_type("mavlink_quadrotor")
-    full = protocol_of(parse_fleet(FLEET.format(type="mavlink_quadrotor")), "h1").settings
+@pytest.mark.parametrize(
+    ("name", "mode", "hover_us"),
+    [("mavlink_quadrotor", "offboard", 1500.0), ("ardupilot_quadrotor", "guided_nogps", 1396.0)],
+)
+def test_full_stick_of_a_quadrotor_with_mavlink_is_the_same_for_its_model_and_its_protocol(
+    name: str, mode: str, hover_us: float
+) -> None:
+    kind = vehicle_type(name)
+    full = protocol_of(parse_fleet(FLEET.format(type=name)), "h1").settings
+    assert full.mode == mode
     tilt = 9.81 * math.tan(math.radians(full.full_tilt_deg))
     assert kind.model.input_gain[:2] == pytest.approx((tilt, tilt), rel=0.01)
     yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
-    assert [type_calibration(kind).throttle.pulse_us(u) for u in (0.0, 0.5, 1.0)] == [1100.0, 1500.0, 1900.0]
+    pulses_us = [type_calibration(kind).throttle.pulse_us(u) for u in (0.0, kind.model.hover_thrust, 1.0)]
+    assert pulses_us == pytest.approx([1100.0, hover_us, 1900.0]), "thrust is linear"
 
 
-@pytest.mark.parametrize("kind", ["crazyflie", "mavlink_quadrotor"])
+@pytest.mark.parametrize("kind", ["crazyflie", "mavlink_quadrotor", "ardupilot_quadrotor"])
 def test_gains_follow_the_full_sticks_of_the_radio_unless_the_file_gives_them(kind: str) -> None:
     settings = "settings = {{ full_tilt_deg = 20.0, full_yaw_rate_deg_s = 100.0 }}"
     text = FLEET.replace('"radio-h1"', f'"radio-h1", {settings}')

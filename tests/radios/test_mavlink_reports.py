@@ -38,8 +38,8 @@ def test_a_vehicle_is_ready_when_its_autopilot_would_fly(
     [
         ("GUID_OPTIONS", 0.0, "GUID_OPTIONS is 0, right is 8, thrust of set points"),
         ("GUID_TIMEOUT", 3.0, "GUID_TIMEOUT is 3, right is 0.5 s"),
-        ("MAV_GCS_SYSID", 254.0, "MAV_GCS_SYSID is 254, right is own_system"),
-        ("ANGLE_MAX", 2000.0, "ANGLE_MAX is 2000, right is full_tilt_deg"),
+        ("MAV_GCS_SYSID", 254.0, "MAV_GCS_SYSID is 254, right is 255, own_system"),
+        ("ANGLE_MAX", 2000.0, "ANGLE_MAX is 2000, right is 100 * 30"),
     ],
 )
 def test_a_parameter_that_forbids_flights_is_named(name: str, value: float, words: str) -> None:

@@ -21,7 +21,10 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, MOTION_SIZE, U_THRUST, ZD_BODY, Z
 
 models = st.sampled_from(
-    [vehicle_type(kind).model for kind in ("coaxial", "crazyflie", "betaflight", "mavlink_quadrotor")]
+    [
+        vehicle_type(kind).model
+        for kind in ("coaxial", "crazyflie", "betaflight", "mavlink_quadrotor", "ardupilot_quadrotor")
+    ]
 )
 times_s = st.floats(0.0, 1e4)
 CONTROL_S = 0.02
