@@ -113,7 +113,7 @@ def test_disarming_works_without_sight_after_the_thrust_was_low_for_long_enough(
 
 def test_disarming_works_when_the_motors_are_cut() -> None:
     bench = flying()
-    silent(bench, 3.0)
+    silent(bench, 4.0)
     assert bench.state is State.CUT
     assert bench.request(Action.DISARM).accepted
     assert bench.state is State.DISARMED
@@ -177,7 +177,7 @@ def test_commands_of_leases_that_were_lost_or_never_issued_do_not_feed_the_watch
     bench = flying()
     successor = bench.arbiter.bid(2, bench.now_s, take_over=True)
     bench.command(HOVER, lease=successor)
-    for number in range(203):
+    for number in range(400):
         bench.wait(0.01)
         bench.frame += 1
         bench.pose()

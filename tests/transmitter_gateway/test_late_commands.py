@@ -3,6 +3,7 @@
 import pytest
 from arbiter_bench import EDGE_S, HOVER, U_HOVER, Bench, flying, silent
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, State
 
 
@@ -45,9 +46,9 @@ def test_descend_does_not_raise_a_lower_thrust() -> None:
     assert bench.outputs[-1].u == pytest.approx((0, 0, 0.3, 0))
 
 
-def test_cut_begins_at_2_s_and_needs_a_new_arming() -> None:
-    bench = flying()
-    silent(bench, 2.0 - EDGE_S)
+def test_cut_begins_after_the_longest_descent_and_needs_a_new_arming() -> None:
+    bench, limits = flying(), ArbiterLimits()
+    silent(bench, limits.descend_after_s + limits.descents_s(0.6)[1] - EDGE_S)
     assert bench.state is State.DESCEND
     silent(bench, 4 * EDGE_S)
     assert bench.state is State.CUT
@@ -87,7 +88,7 @@ def test_a_freeze_beyond_the_limit_cuts_from_every_flying_state(
     bench = flying()
     silent(bench, silence_s)
     assert bench.state is state
-    assert bench.wait(2.0).state is State.CUT
+    assert bench.wait(4.0).state is State.CUT
     assert bench.reason == reason
 
 

@@ -246,7 +246,7 @@ def test_waypoints_are_flown_from_where_the_vehicle_is_and_none_is_a_refusal(
         '{"do": "move", "arguments": {"name": "h1", "place_m": [0, 0]}}',
         '{"do": "move", "arguments": {"name": "h1", "place_m": [0, 0, 1e30]}}',
         '{"do": "kill", "arguments": {"vehicles": []}}',
-        '{"do": "formation", "arguments": {"shape": "star", "leader": "h1", "spacing_m": 1, "assign": false}}',
+        '{"do": "formation", "arguments": {"shape": "star", "leader": "h1", "spacing_m": 1, "assign": true}}',
         '{"do": "weigh", "arguments": {"name": "h1", "powers": {"position": 40}}}',
     ],
 )  # fmt: skip
