@@ -13,10 +13,11 @@ from rcopterx.vehicles.model import fitted_parameters
 
 FORMER = {
     mode: f"{{ input_gain = [5.66, 5.66, {lift}, 34.9], damping = [-0.35, -0.35, -0.2, -10.0],"
-    " lag_s = [0.16, 0.16, 0.05, 0.05] }"
+    " lag_s = [0.16, 0.16, 0.05, 0.05],"
+    " uncertainty = { gain_factor = [1.35, 1.35, 1.3], delay_s = [0.03, 0.03, 0.045] } }"
     for mode, lift in (("offboard", 19.62), ("guided_nogps", 26.5))
 }
-"""Yaw numbers with which both firmwares swung."""
+"""Yaw numbers with which both firmwares swung, and the uncertainty of that type."""
 MODES = {"offboard": 0.21, "guided_nogps": 0.38}  # lag of the heading [s]: PX4, ArduCopter
 TYPES = {"offboard": "mavlink_quadrotor", "guided_nogps": "ardupilot_quadrotor"}
 STEP_RAD_S, AFTER_S = 1.75, 0.6
@@ -45,6 +46,17 @@ def test_the_heading_lags_behind_a_step_of_the_yaw_rate_as_measured(mode: str, l
 def test_the_default_type_hovers_within_15_mm_without_a_limit_cycle(flight: FirmwareFlight) -> None:
     flight.run(30.0)
     assert flight.hover_rms_m < 0.015
+    assert flight.heading_rms_rad < math.radians(3.0)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_slow_heading_that_the_proof_of_the_signs_has_turned_away_does_not_go_on_swinging(
+    seed: int,
+) -> None:
+    flight = FirmwareFlight("ardupilot_quadrotor", seed=seed)
+    flight.hover()
+    flight.run(10.0)
+    flight.close()
     assert flight.heading_rms_rad < math.radians(3.0)
 
 

@@ -5,6 +5,7 @@ Agent and transmitter gateway are what a fleet file makes of them; packets pass 
 
 import math
 import select
+from dataclasses import replace
 
 import numpy as np
 
@@ -170,9 +171,11 @@ class FirmwareFlight:
 
     @property
     def body(self) -> Model:
-        """True parameters of the body, drawn around those of the firmware."""
+        """True parameters of the body, drawn around those of the firmware, with what its battery has left."""
         assert isinstance(self.plant, FirstOrderPlant)
-        return self.plant.model
+        model = self.plant.model
+        pitch, roll, thrust, yaw = model.input_gain
+        return replace(model, input_gain=(pitch, roll, thrust * self.plant._thrust_factor, yaw))
 
     @property
     def _place_m(self) -> np.ndarray:
