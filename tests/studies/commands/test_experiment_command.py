@@ -103,7 +103,7 @@ def test_seeds_are_consecutive_or_those_named(monkeypatch: pytest.MonkeyPatch) -
     for arguments in (
         ["chain", "--conditions", "laboratory"],
         ["hover", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
-        ["family", "--quick"],
+        ["family", "--quick", "--conditions", "helicopters"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
     assert [options.seeds for options in seen] == [(0, 1, 2), (9, 4), (100, 101)]
@@ -138,7 +138,7 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
         (["hover", "--seeds", "1,1"], "different whole numbers"),
         (
             ["family", "--knowledge", "default,guessed"],
-            "unknown level 'guessed', known are default, identified",
+            "unknown level 'guessed', known are default, learned, identified",
         ),
         (["hover", "--knowledge", "exact"], "hover does not compare it"),
         (["family", "--resume", "/nowhere/flights.jsonl"], "No such file or directory"),
@@ -166,7 +166,8 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
 
     monkeypatch.setattr("rcopterx_studies.experiments.family.fly_member", fly)
     flights = tmp_path / "flights.jsonl"
-    arguments = ["family", "--seeds", "100,101", "--knowledge", "exact", "--resume", str(flights), "--json"]
+    arguments = ["family", "--seeds", "100,101", "--knowledge", "exact", "--conditions", "helicopters"]
+    arguments += ["--resume", str(flights), "--json"]
     assert runner.invoke(app, ["experiment", *arguments]).exit_code != 0
     result = runner.invoke(app, ["experiment", *arguments])
     assert result.exit_code == 0, result.output
