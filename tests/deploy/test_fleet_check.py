@@ -44,7 +44,7 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
     [
         (
             PAIR + 'type = "plane"',
-            r"^vehicles\.h2\.type: unknown type 'plane', allowed are ardupilot_quadrotor, betaflight, blade_70s, c186, coaxial, ",
+            r"^vehicles\.h2\.type: unknown type 'plane', allowed are ardupilot_quadrotor, betaflight, ",
         ),
         (PAIR + "model = { mass = 1.0 }", r"^vehicles\.h2\.model\.mass: unknown field, allowed are kind"),
         (PAIR + "model = { lag_s = [0.1] }", r"^vehicles\.h2\.model\.lag_s: expected .*length 4"),

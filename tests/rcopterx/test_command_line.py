@@ -189,7 +189,7 @@ BAD_FILES = [
     (PAIR.replace('leader = "h1"', 'leader = "h2"'), "vehicles.h2.follow[0].leader: h2 cannot follow itself"),
     (
         PAIR + 'type = "plane"',
-        "vehicles.h2.type: unknown type 'plane', allowed are ardupilot_quadrotor, betaflight, blade_70s, c186, coaxial, ",
+        "vehicles.h2.type: unknown type 'plane', allowed are ardupilot_quadrotor, betaflight, ",
     ),
     (HARDWARE_PAIR.replace("radio-h1", "/dev/ttyNONE9"), "vehicles.h1.transmitter.port: there is no device"),
 ]
