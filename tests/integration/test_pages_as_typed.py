@@ -87,12 +87,12 @@ NOT_TYPED = {
         f"rcopterx experiment {words}": (HOURS, EXPERIMENTS)
         for words in (
             "formation --plot formation.png",
-            "family --plot family.png",
+            "family --conditions helicopters --plot family.png",
             "hover --conditions laboratory --plot docs/figures/hover.svg",
             "formation --conditions laboratory --plot docs/figures/formation.png",
-            "family --plot docs/figures/family.svg",
+            "family --plot family.svg",
             "fleets --resume fleets.jsonl",
-            "family --json --plot docs/figures/family.svg",
+            "family --conditions helicopters --json --plot docs/figures/family.svg",
             "family --seeds 100,101,102,103,104,105,106,107,108,109,110,111",
             "family --conditions crazyflies",
             "fleets --conditions crazyflies",
