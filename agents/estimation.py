@@ -41,7 +41,7 @@ class EstimatorGuard:
         self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._started = False
         self._select(estimator)
-        self._call(lambda _: None)
+        self._call(_nothing)
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -64,7 +64,7 @@ class EstimatorGuard:
         if started:
             self.take_over(self.estimate)
         else:
-            self._call(lambda _: None)
+            self._call(_nothing)
 
     def _select(self, estimator: Estimator) -> None:
         self._estimator, self._name = estimator, type(estimator).__name__
@@ -133,6 +133,10 @@ class EstimatorGuard:
         return self.calls.attempt(
             self._name, STEP_LIMIT_S, lambda found: flaw_of(found[1]), lambda: (call(own), own.estimate)
         )
+
+
+def _nothing(_: Estimator) -> None:
+    """Leave an estimator as it is."""
 
 
 def _deviation_problem(deviation: Array) -> str | None:

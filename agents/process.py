@@ -117,8 +117,7 @@ class Agent:
         self._update()
         if not self.lost:
             self._decide()
-            by_s = self.control_by_s
-            if by_s is not None and (self._plans_are_here() or self._now_s >= by_s):
+            if self._control_is_due():
                 output, estimate, timing = self._control()
                 self._publish(output, timing)
                 self._after_control(output, self._stopwatch() - begun_s)
@@ -231,6 +230,10 @@ class Agent:
             self.control_by_s = began_s + self.following.longest_wait_s()
         elif pacing.left_out(frame):
             pilot.fly_as_planned()
+
+    def _control_is_due(self) -> bool:
+        by_s = self.control_by_s
+        return by_s is not None and (self._plans_are_here() or self._now_s >= by_s)
 
     def _plans_are_here(self) -> bool:
         clock = self._pilot.clock

@@ -98,11 +98,7 @@ class FlightWriter:
 
     def _begin(self, time_ns: int) -> McapFile:
         settings = self._settings
-        # The oldest parts make room for the next one, those of this flight last.
-        earlier, own = self._flights()
-        sizes = [(path, path.stat().st_size) for flight in [*earlier, *own] for path in flight.parts]
-        for path in too_many(sizes, max(0, settings.keep_bytes - settings.part_bytes)):
-            path.unlink(missing_ok=True)
+        self._make_room()
         number = next_part(settings.directory, settings.flight)
         self.path = part_path(settings.directory, settings.flight, number)
         file = self._opener(self.path)
@@ -112,6 +108,13 @@ class FlightWriter:
         mcap.add_metadata(METADATA, {**settings.metadata, "part": str(number)})
         mcap.add_attachment(FLEET_ATTACHMENT, settings.fleet, time_ns)
         return mcap
+
+    def _make_room(self) -> None:
+        """Remove the oldest parts, those of this flight last, to make room for the next one."""
+        earlier, own = self._flights()
+        sizes = [(path, path.stat().st_size) for flight in [*earlier, *own] for path in flight.parts]
+        for path in too_many(sizes, max(0, self._settings.keep_bytes - self._settings.part_bytes)):
+            path.unlink(missing_ok=True)
 
     def _stop(self, error: OSError) -> None:
         """Note why the disk interrupts the recording, and remove what was written of the last chunk."""

@@ -67,11 +67,7 @@ class Gateway:
             self.nodes[incoming.unit].answer(incoming, self._clock())
         for node in self.nodes.values():
             node.serve(self._clock())
-        now_s = self._clock()
-        if now_s >= self._report_due_s:
-            self._report_due_s = now_s + STATUS_PERIOD_S
-            for node in self.nodes.values():
-                node.report(now_s)
+        self._report()
 
     def shut_down(self) -> None:
         """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
@@ -94,6 +90,13 @@ class Gateway:
             for name, poses in self._poses.items()
             for received in poses.drain()
         ]
+
+    def _report(self) -> None:
+        now_s = self._clock()
+        if now_s >= self._report_due_s:
+            self._report_due_s = now_s + STATUS_PERIOD_S
+            for node in self.nodes.values():
+                node.report(now_s)
 
 
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:

@@ -206,11 +206,7 @@ class DataStreamClient(FrameClient):
             else:
                 self._connect(timeout_s)
         except (_LinkError, WireError, OSError) as error:
-            if isinstance(error, WireError):
-                self._counters.rejected += 1
-            self._last_error = (error.strerror if isinstance(error, OSError) else None) or str(error)
-            self._hang_up(self._last_error)
-            self._pause()
+            self._fail(error)
         return None
 
     def _wait(self, pause_s: float) -> None:
@@ -311,6 +307,13 @@ class DataStreamClient(FrameClient):
         if self._name == "negotiating" or self._session.period_s is None:
             return f"no frame with segments within {self._limits.connect_s} s after the selection"
         return f"no frame for {self._silence_limit_s(self._session.period_s):.3g} s"
+
+    def _fail(self, error: Exception) -> None:
+        if isinstance(error, WireError):
+            self._counters.rejected += 1
+        self._last_error = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        self._hang_up(self._last_error)
+        self._pause()
 
     def _hang_up(self, reason: str) -> None:
         if self._socket is not None:

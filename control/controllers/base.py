@@ -40,9 +40,7 @@ class BaseController(ABC):
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle, without anything of an earlier flight."""
         self._last_plan = None
-        model, usable = self._model, np.isfinite(last_input).all()
-        used = np.clip(last_input, model.u_min, model.u_max) if usable else model.hover_input
-        self._start(estimate, used)
+        self._start(estimate, self._usable_input(last_input))
 
     def step(
         self,
@@ -68,3 +66,8 @@ class BaseController(ABC):
     @abstractmethod
     def _compute(self, estimate: Estimate, reference: Trajectory, expired: Callable[[], bool]) -> ControlStep:
         """Compute inputs and plan from a reference of N stages, in time before `expired` is true."""
+
+    def _usable_input(self, last_input: Array) -> Array:
+        if not np.isfinite(last_input).all():
+            return self._model.hover_input
+        return np.clip(last_input, self._model.u_min, self._model.u_max)

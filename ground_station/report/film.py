@@ -35,13 +35,15 @@ class Film:
             self._motion.append(Raw(encode(content)))
         elif part == "texts":
             assert isinstance(content, dict)
-            texts = {name: Raw(encode(value)) for name, value in content.items()}
-            wanted = dict.fromkeys(self._newest, Raw(b"null")) | texts
-            changed = {name: value for name, value in wanted.items() if self._newest.get(name) != value}
-            self._newest = wanted
-            self._texts.append((len(self._motion) - 1, Raw(encode(changed))))
+            self._add_texts({name: Raw(encode(value)) for name, value in content.items()})
         else:
             self._fleet = content
+
+    def _add_texts(self, texts: dict[str, Raw]) -> None:
+        wanted = dict.fromkeys(self._newest, Raw(b"null")) | texts
+        changed = {name: value for name, value in wanted.items() if self._newest.get(name) != value}
+        self._newest = wanted
+        self._texts.append((len(self._motion) - 1, Raw(encode(changed))))
 
     def add_sample(self, now_s: float, values: Sequence[Sequence[float | None]]) -> None:
         """Add samples of all vehicles."""
