@@ -175,7 +175,7 @@ class FirmwareFlight:
         assert isinstance(self.plant, FirstOrderPlant)
         model = self.plant.model
         pitch, roll, thrust, yaw = model.input_gain
-        return replace(model, input_gain=(pitch, roll, thrust * self.plant._thrust_factor, yaw))
+        return replace(model, input_gain=(pitch, roll, thrust * self.plant.thrust_factor, yaw))
 
     @property
     def _place_m(self) -> np.ndarray:
