@@ -21,6 +21,7 @@ SLOW = 2.0  # times the interval that was requested, on the mean: other programs
 MEAN_SHARE = 0.1  # of each interval in that mean
 CLEARED = " Cleared"  # ArduPilot withdraws a text by the same one with this word
 UNEXPLAINED = "MAV_RESULT"
+COMMANDS = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE)  # that have to be obeyed
 _COPTER_MODES = (
     "STABILIZE", "ACRO", "ALT_HOLD", "AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE", "POSITION", "LAND",
 )  # fmt: skip
@@ -154,7 +155,7 @@ class AutopilotState:
 
     def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
         """Keep the answer to a command: its change or refusal; `arming` if the last one was to arm."""
-        if message.command not in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE):
+        if message.command not in COMMANDS:
             return
         if message.result == mavlink.MAV_RESULT_ACCEPTED:
             self.complaint, self._claimed_s, self.refused_since_s = "", now_s, math.inf
@@ -188,7 +189,9 @@ class AutopilotState:
             return "no SYS_STATUS from the autopilot, which has the result of its checks"
         if not self._refuses_to_arm:
             return None
-        reason = self._said_since(max(now_s - REPEATED_S, self._passed_s)) or self.complaint
+        # PX4 does not repeat a cause.
+        newest_s = -math.inf if self._autopilot == PX4 else now_s - REPEATED_S
+        reason = self._said_since(max(newest_s, self._passed_s)) or self.complaint
         return f"the autopilot would refuse to arm: {reason or self._failing or 'its own checks fail'}"
 
     @property

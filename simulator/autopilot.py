@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, packed, set_point_of
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, PX4, MavlinkSettings
-from rcopterx.radios.mavlink_state import LONGEST_TEXT
+from rcopterx.radios.mavlink_state import COMMANDS, LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.autopilot_heading import HeadingControl, body_of
@@ -30,14 +30,13 @@ STREAM_BEFORE_S: Final = 1.0
 LOSS_S: Final = 1.0  # `COM_OF_LOSS_T`
 GCS_LOSS_S: Final = 2.0  # `FS_GCS_TIMEOUT`; until then ArduCopter hovers level
 PAUSE_S: Final = 4.0  # `LAND_WITH_DELAY_MS` of a landing by a failsafe
-COMPLAINTS_S, NEWS_S = 30.0, 4.0  # between two texts of ArduPilot about checks that fail; that fail newly
-FIRST_TEXT_S: Final = 1.0  # chosen
+WAITS_S: Final = {PX4: (0.0, math.inf), ARDUPILOT: (4.0, 30.0)}  # to a text about a new cause, or an old one
+FIRST_WAITED_S: Final = 3.0  # of the time to a new text, at the start: chosen
 POSITION_S: Final = {PX4: 5.0, ARDUPILOT: 7.0}  # without poses: `EKF2_NOAID_TOUT`, `posRetryTimeNoVel_ms`
 EKF_CHECK_S: Final = 1.0  # `EKF_CHECK_ITERATIONS_MAX`: from a lost position to the failsafe of ArduCopter
-BATTERY_LOW: Final = {
-    PX4: "Arming denied: battery low",
-    ARDUPILOT: "Arm: Battery 1 below minimum arming voltage",
-}
+BATTERY_LOW: Final = "Arm: Battery 1 below minimum arming voltage"
+DENIED: Final = "Arming denied: Resolve system health failures first\t"
+CRITICAL: Final = "Critical battery\t"  # PX4 says a cause once, when it begins
 NEEDS_POSITION: Final = 4  # GUIDED; attitude set points of PX4 need none
 CONSISTENT_S: Final = 20.0  # from its start, until ArduCopter finds its inertial sensors consistent
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
@@ -68,7 +67,8 @@ class EmulatedAutopilot(UdpVehicle):
     `armed` and `mode`: as its heartbeat reports them. `terminated`: whether its flight was terminated, which
     only a restart ends. `rejected`: packets that it ignored, by reason. `settings`: how set points become the
     pulse widths that the simulated vehicle gets, and its system id. `parameters` that it has;
-    others it does not answer. `flown_s`: time armed with this battery.
+    others it does not answer. `flown_s`: time armed with this battery. `hangs`: whether it reports, but
+    answers neither arming nor modes: PX4 with a dangerously low battery until it switches itself off.
     """
 
     def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:
@@ -91,11 +91,11 @@ class EmulatedAutopilot(UdpVehicle):
         """Start anew with a full battery, disarmed."""
         self._mav = mavlink.MAVLink(None, self._settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
-        self.powered, self.armed, self.terminated = True, False, False
+        self.powered, self.armed, self.terminated, self.hangs = True, False, False, False
         self.mode = HOLDING[self._obeying.autopilot]
         self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
         self.flown_s, self._booted_s, self._failed_s, self._posed_s = 0.0, now_s, -math.inf, -math.inf
-        self._complained_s, self._refused, self._news = now_s + FIRST_TEXT_S - NEWS_S, False, False
+        self._complained_s, self._refused, self._news = now_s - FIRST_WAITED_S, False, False
         self._strays = True  # whether it has acted on a missing position; never before it has had one
         self._said: list[Any] = []
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
@@ -152,7 +152,7 @@ class EmulatedAutopilot(UdpVehicle):
             value, number = self.parameters[packet.param_id], len(self.parameters)
             name, real = packet.param_id.encode(), mavlink.MAV_PARAM_TYPE_REAL32
             return [packed(self._mav, mavlink.MAVLink_param_value_message(name, value, real, number, 0))]
-        if kind != "COMMAND_LONG":
+        if kind != "COMMAND_LONG" or (self.hangs and packet.command in COMMANDS):
             return []
         result, refusal = self._command(packet, now_s)
         sender = packet.get_srcSystem(), packet.get_srcComponent()
@@ -222,7 +222,7 @@ class EmulatedAutopilot(UdpVehicle):
         if self.terminated:
             return "Arming denied: flight terminated, restart it"
         if self.flown_s >= ENDURANCE_S:
-            return BATTERY_LOW[self._obeying.autopilot]
+            return BATTERY_LOW if self._ardupilot else DENIED
         if self._ardupilot and self._advanced_s < self._booted_s + CONSISTENT_S:
             return "Arm: Accels inconsistent"
         if self.mode == NEEDS_POSITION and not self._located:
@@ -231,7 +231,7 @@ class EmulatedAutopilot(UdpVehicle):
             return "" if self._streams else "Arming denied: no offboard signal"
         # Other modes of PX4 need a position; that of ArduPilot after its start does not.
         fit = self._ardupilot or self._located
-        return "" if fit else "Arming denied: Resolve system health failures first\t"
+        return "" if fit else DENIED
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
@@ -251,16 +251,17 @@ class EmulatedAutopilot(UdpVehicle):
         due = [number for number, due_s in self._due_s.items() if now_s >= due_s]
         for number in due:
             self._due_s[number] = max(self._due_s[number] + self._periods_s[number], now_s)
-        if self._ardupilot and not self.armed:
-            self._complain(self._check(), now_s)
+        if not (self._ardupilot and self.armed):
+            self._complain(now_s)
         messages, self._said = [*map(self._report, due), *self._said], []
         return [packed(self._mav, message) for message in messages]
 
-    def _complain(self, refusal: str, now_s: float) -> None:
-        """Say what the checks before arming find, sooner if it is new."""
+    def _complain(self, now_s: float) -> None:
+        """Say what the checks before arming find: PX4 once, and only of its battery."""
+        refusal = self._check() if self._ardupilot else CRITICAL * (self.flown_s >= ENDURANCE_S)
         self._news = self._news or (bool(refusal) and not self._refused)
         self._refused = bool(refusal)
-        if refusal and now_s >= self._complained_s + (NEWS_S if self._news else COMPLAINTS_S):
+        if refusal and now_s >= self._complained_s + WAITS_S[self._obeying.autopilot][not self._news]:
             self._complained_s, self._news = now_s, False
             self._said += _texts(refusal.replace("Arm:", "PreArm:"))
 

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from rcopterx.radios.mavlink import FORCE
 from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import (
+    DENIED,
     ENDURANCE_S,
     LAND,
     LOITER,
@@ -102,7 +103,7 @@ def test_it_arms_without_thrust_with_a_stream_and_with_a_battery() -> None:
     assert station.command(ARM, 1) == (ACCEPTED, "")
     station.stream(ENDURANCE_S + 1.0, interval_s=0.4)
     assert station.command(ARM, 0) == (ACCEPTED, "")
-    assert station.command(ARM, 1) == (REJECTED, "Arming denied: battery low")
+    assert station.command(ARM, 1) == (REJECTED, DENIED)
     station.vehicle.power_cycle(station.now_s)
     assert station.command(ARM, 1)[1].startswith("Arming denied: Resolve system health failures first")
     station.offboard()

@@ -8,6 +8,7 @@ from mavlink_bench import WOULD_REFUSE, Bench
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES
+from rcopterx.radios.mavlink_state import REPEATED_S, SILENT_S
 from rcopterx.simulator.autopilot import (
     CONSISTENT_S,
     ENDURANCE_S,
@@ -158,7 +159,19 @@ def test_a_px4_with_an_empty_battery_is_not_ready_in_the_mode_of_its_start() -> 
     bench.run(1.2, 0.0)
     assert bench.vehicle.mode == LOITER
     assert not bench.request(Action.ARM)
-    assert bench.module == "the autopilot would refuse to arm: battery"
+    assert bench.module == "the autopilot would refuse to arm: Critical battery"
+    bench.run(2.0 * REPEATED_S, 0.0)
+    assert bench.module == "the autopilot would refuse to arm: Critical battery", "PX4 says it once"
+
+
+def test_an_autopilot_that_answers_no_command_is_not_called_ready_when_it_is_to_arm() -> None:
+    bench = Bench()
+    bench.run(3.0, 0.0)
+    bench.vehicle.hangs = True
+    assert bench.request(Action.ARM)
+    bench.run(SILENT_S + 0.5, 0.0)
+    assert bench.module.endswith("; not armed: no answer")
+    assert not bench.vehicle.armed
 
 
 def test_an_ardupilot_whose_gateway_dies_keeps_its_tilt_then_hovers_level_then_lands() -> None:
@@ -282,7 +295,7 @@ CAUSES: list[tuple[str, Callable[[EmulatedAutopilot, float], None], str]] = [
     ("guided_nogps", empties, "PreArm: Battery 1 below minimum arming voltage"),
     ("guided_nogps", terminates, "Arming denied: flight terminated, restart it"),
     ("guided", boots, "PreArm: Accels inconsistent"),
-    ("offboard", empties, "battery"),
+    ("offboard", empties, "Critical battery"),
 ]
 
 
