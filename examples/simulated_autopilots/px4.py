@@ -1,6 +1,6 @@
 """Show the true states of PX4 in software (SIH) as a Tracker does.
 
-python examples/simulated_autopilots/px4.py quad1=udpin:127.0.0.1:14550 quad2=udpin:127.0.0.1:14551
+python examples/simulated_autopilots/px4.py quad1=udpin:127.0.0.1:19410 quad2=udpin:127.0.0.1:19411
 """
 
 from functools import partial
