@@ -9,6 +9,8 @@ from typing import Any
 from pymavlink.dialects.v20 import common as mavlink
 from truth import MavlinkTruth, Origin, TrueState, main
 
+RATE_HZ = 200.0  # PX4 tilts quickly: an older rotation makes its tilt swing
+
 
 def state_of(message: Any) -> TrueState:
     """True state of a `HIL_STATE_QUATERNION`, which PX4 fills from its ground truth."""
@@ -19,7 +21,7 @@ def state_of(message: Any) -> TrueState:
 
 def vehicle(text: str, origin: Origin | None = None) -> MavlinkTruth:
     """A vehicle `SUBJECT=LINK`; without an origin it is its own."""
-    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, state_of, origin)
+    return MavlinkTruth(text, mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, state_of, origin, RATE_HZ)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,9 @@ RATE_HZ = 50.0
 REQUEST_S = 1.0
 METRES_PER_DEGREE = 111_319.5
 NOISE_M = 2e-4  # of a Tracker: poses that repeat themselves exactly count as frozen
-TRUST = 0.1  # share of the difference by which a message corrects the position that its velocity predicts
+TRUST_HZ = (
+    5.0  # share of the difference, each second, by which messages correct the position that velocity predicts
+)
 PREDICTED_S = 0.1  # from the newest message on; later the vehicle is occluded, and found again
 MOVED_M = 0.3  # a greater difference is no coarse step: the simulation has put the vehicle elsewhere
 
@@ -51,15 +53,15 @@ class Origin:
 class SmoothPath:
     """Follows positions in steps of 10 mm, which arrive late or several at once, by their velocities."""
 
-    def __init__(self) -> None:
-        self._used_s = -math.inf
+    def __init__(self, rate_hz: float = RATE_HZ) -> None:
+        self._used_s, self._trust = -math.inf, TRUST_HZ / rate_hz
         self._place_m = self._velocity_m_s = np.zeros(3)
 
     def use(self, place_m: Sequence[float], velocity_m_s: Sequence[float], now_s: float) -> None:
         """Use a position and its velocity."""
         difference_m = np.array(place_m) - self.at(now_s)
         moved = not self.seen(now_s) or float(np.abs(difference_m).max()) > MOVED_M
-        self._place_m = self.at(now_s) + (1.0 if moved else TRUST) * difference_m
+        self._place_m = self.at(now_s) + (1.0 if moved else self._trust) * difference_m
         self._velocity_m_s, self._used_s = np.array(velocity_m_s), now_s
 
     def seen(self, now_s: float) -> bool:
@@ -73,19 +75,24 @@ class SmoothPath:
 
 
 class MavlinkTruth:
-    """A simulation that sends its true state as one message of MAVLink; text `SUBJECT=LINK`.
+    """A simulation that sends its true state as one message of MAVLink, at a rate; text `SUBJECT=LINK`.
 
     Links are written as pymavlink does. x points north, y west, z up.
     """
 
     def __init__(
-        self, text: str, number: int, state_of: Callable[[Any], TrueState], origin: Origin | None = None
+        self,
+        text: str,
+        number: int,
+        state_of: Callable[[Any], TrueState],
+        origin: Origin | None = None,
+        rate_hz: float = RATE_HZ,
     ) -> None:
         self._subject, _, link = text.partition("=")
         self._link = mavutil.mavlink_connection(link, source_system=254)
         self._number, self._state_of = number, state_of
         self._name = mavlink.mavlink_map[number].msgname
-        self._requested_s, self._path = -math.inf, SmoothPath()
+        self._requested_s, self._path, self._rate_hz = -math.inf, SmoothPath(rate_hz), rate_hz
         self._origin = origin or Origin()
         self._rotation: Sequence[float] = ()
 
@@ -96,7 +103,7 @@ class MavlinkTruth:
                 self._use(self._state_of(message), now_s)
         if now_s > self._requested_s + REQUEST_S and self._link.target_system:
             self._requested_s = now_s
-            words = (self._number, 1e6 / RATE_HZ, 0, 0, 0, 0, 0)
+            words = (self._number, 1e6 / self._rate_hz, 0, 0, 0, 0, 0)
             command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
             self._link.mav.command_long_send(self._link.target_system, 1, command, 0, *words)
         if not self._path.seen(now_s):
