@@ -34,8 +34,8 @@ GAINS: Final = {
 }
 SHAPING_S: Final = 0.15  # `ATC_INPUT_TC`
 MOTOR_S: Final = 0.05  # chosen
-TILTS: Final = {ARDUPILOT: TiltModel(6.2, 0.92, 0.04), PX4: TiltModel(13.0, 0.85, 0.02)}
-"""ArduCopter as steps and pulses of 4 degrees showed in its own simulation; PX4 is chosen."""
+TILTS: Final = {ARDUPILOT: TiltModel(6.2, 0.92, 0.04), PX4: TiltModel(11.5, 0.57, 0.05)}
+"""As steps and pulses of 4 degrees showed in the simulations of ArduCopter and PX4."""
 
 
 class HeadingControl:
