@@ -4,7 +4,7 @@ import selectors
 import socket
 import time
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_faults import TrackerFaults
@@ -129,12 +129,6 @@ class TrackerServer:
             self._drop(client)
         self._selector.close()
         self._listener.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _accept(self) -> None:
         while True:

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 from msgspec.structs import replace
 
@@ -127,12 +127,6 @@ class FrameClient(ABC):
     @abstractmethod
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _received(self, now_s: float, period_s: float) -> None:
         """Note that a frame has been received."""

@@ -4,7 +4,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -274,7 +274,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
     with ExitStack() as stack:
         file = None
         if settings.record_raw is not None:
-            file = stack.enter_context(RecordingFile.create(settings.record_raw))
+            file = stack.enter_context(closing(RecordingFile.create(settings.record_raw)))
         # Errors of the settings have been raised; from here on this process is the gateway.
         stopping = ending_signals()
         realtime = request_realtime(settings.realtime_priority)

@@ -13,7 +13,6 @@ is read up to the last whole record. A thread of its own writes the file: a slow
 import struct
 import threading
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from enum import IntEnum
 from pathlib import Path
 from queue import SimpleQueue
@@ -83,8 +82,8 @@ def _created(path: Path) -> BinaryIO:
     raise RecordingFileError(f"{path}: there are {MOST_FILES} recordings of that name already")
 
 
-class RecordingFile(AbstractContextManager["RecordingFile"]):
-    """A file to record into; it is closed at the end."""
+class RecordingFile:
+    """A file to record into."""
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
         self.path = path
@@ -115,9 +114,6 @@ class RecordingFile(AbstractContextManager["RecordingFile"]):
         """Write the queued bytes, for a limited time, and close the file."""
         self._queue.put(None)
         self._thread.join(CLOSE_LIMIT_S)
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _run(self) -> None:
         try:

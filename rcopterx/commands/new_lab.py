@@ -1,6 +1,7 @@
 """The first fleet file of a laboratory: `new-lab` asks for it, `import` reads it from other software."""
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -177,7 +178,7 @@ def _subjects_of(address: str) -> list[str]:
     """Subjects that the Tracker lists; none, with the reason printed, if it does not answer."""
     from rcopterx.vicon_gateway.client import DataStreamClient
 
-    with DataStreamClient(*host_and_port(address)) as client:
+    with closing(DataStreamClient(*host_and_port(address))) as client:
         if (frame := client.next_frame(LOOK_S)) is None:
             why = client.state.last_error or client.state.doing
             typer.echo(f"{address}: {why}; type the names of the subjects", err=True)

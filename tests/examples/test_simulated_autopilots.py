@@ -6,7 +6,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +88,7 @@ def shown(body: Any) -> Iterator[Callable[[Callable[[SubjectPose], bool]], Subje
     serving.start()
     seen: list[SubjectPose] = []
     try:
-        with DataStreamClient("127.0.0.1", port) as client:
+        with closing(DataStreamClient("127.0.0.1", port)) as client:
 
             def newest(condition: Callable[[SubjectPose], bool]) -> SubjectPose:
                 def found() -> bool:

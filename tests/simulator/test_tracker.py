@@ -4,6 +4,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 from support.waiting import DEADLINE_S
@@ -41,7 +42,7 @@ def frame(number: int) -> TrackerFrame:
 
 @pytest.fixture
 def server() -> Iterator[TrackerServer]:
-    with TrackerServer(port=0) as found:
+    with closing(TrackerServer(port=0)) as found:
         yield found
 
 
@@ -216,7 +217,7 @@ def test_client_that_speaks_nonsense_is_cut_off_and_counted(
 
 def test_planned_faults_wake_the_loop_at_their_time() -> None:
     now_s = 100.0
-    with TrackerServer(port=0, clock=lambda: now_s) as server:
+    with closing(TrackerServer(port=0, clock=lambda: now_s)) as server:
         assert server.next_due_s() == math.inf
         server.schedule([TimedFault(2.0, Silence(duration_s=1.0))])
         assert server.next_due_s() == 102.0
@@ -230,7 +231,7 @@ def test_planned_faults_wake_the_loop_at_their_time() -> None:
 
 def test_delayed_packet_is_due_at_its_time() -> None:
     now_s = 100.0
-    with TrackerServer(port=0, clock=lambda: now_s) as server:
+    with closing(TrackerServer(port=0, clock=lambda: now_s)) as server:
         peer = Peer(server).start()
         server.apply(Delay(delay_s=0.5))
         server.publish(frame(0))

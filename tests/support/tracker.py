@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
@@ -22,7 +22,7 @@ def running_tracker(
 ) -> Iterator[TrackerServer]:
     """Publish these subjects at 100 Hz until the end of the block."""
     stopping = threading.Event()
-    with TrackerServer(port=0, rate_hz=1 / PERIOD_S) as server:
+    with closing(TrackerServer(port=0, rate_hz=1 / PERIOD_S)) as server:
 
         def run() -> None:
             number, next_s = 0, time.monotonic()

@@ -5,6 +5,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import psutil
@@ -53,7 +54,7 @@ def run_until(
 
 
 def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
-    with BrandClient(BrandSettings("mock", MOCK, 200.0, 0.004), limits=LIMITS) as client:
+    with closing(BrandClient(BrandSettings("mock", MOCK, 200.0, 0.004), limits=LIMITS)) as client:
         frames = run_until(client, lambda: client.state.counters.frames >= 3)
         state = client.state
     assert (state.name, state.connects, state.counters.rejected, state.last_error) == ("up", 1, 0, None)
@@ -68,7 +69,7 @@ def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
 
 
 def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
-    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
+    with closing(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS)) as client:
         before = run_until(client, lambda: client.state.counters.frames >= 100)[-1]
         child = child_pid()
         assert child is not None
@@ -81,7 +82,7 @@ def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
 
 
 def test_frozen_child_is_killed_and_replaced() -> None:
-    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
+    with closing(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS)) as client:
         run_until(client, lambda: client.state.name == "up")
         frozen = child_pid()
         assert frozen is not None
@@ -95,7 +96,7 @@ def test_frozen_child_is_killed_and_replaced() -> None:
 def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults() -> None:
     number = 0
     next_s = 0.0
-    with TrackerServer(port=0, profile="tracker2", rate_hz=100.0) as server:
+    with closing(TrackerServer(port=0, profile="tracker2", rate_hz=100.0)) as server:
 
         def step() -> None:
             nonlocal number, next_s
@@ -106,7 +107,7 @@ def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults()
                 number += 1
 
         settings = {"hostname": "{}:{}".format(*server.address)}
-        with BrandClient(BrandSettings("vicon", settings, 100.0), limits=LIMITS) as client:
+        with closing(BrandClient(BrandSettings("vicon", settings, 100.0), limits=LIMITS)) as client:
 
             def wait_for(condition: Callable[[CapturedFrame], bool]) -> CapturedFrame:
                 frames: list[CapturedFrame] = []
@@ -130,11 +131,11 @@ def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults()
 
 
 def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
-    with TrackerServer(port=0) as server:
+    with closing(TrackerServer(port=0)) as server:
         host, port = server.address
     settings = {"hostname": f"{host}:{port}"}
-    with BrandClient(
-        BrandSettings("vicon", settings, 100.0), limits=replace(LIMITS, connect_s=1.5)
+    with closing(
+        BrandClient(BrandSettings("vicon", settings, 100.0), limits=replace(LIMITS, connect_s=1.5))
     ) as client:
         started: list[int] = []
 
@@ -216,7 +217,7 @@ def fake_library(monkeypatch: pytest.MonkeyPatch, folder: Path, code: str) -> No
 
 
 def error_of(client: BrandClient) -> str:
-    with client:
+    with closing(client):
         run_until(client, lambda: client.state.last_error is not None)
         return str(client.state.last_error)
 
@@ -274,7 +275,7 @@ def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
             return Capture()
     """
     fake_library(monkeypatch, tmp_path, code)
-    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
+    with closing(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS)) as client:
         frame = run_until(client, lambda: client.state.counters.frames >= 1)[-1]
         assert [subject.occluded for subject in frame.subjects] == [True, True, False]
         assert frame.subjects[2].quaternion_xyzw == (0.0, 0.0, 0.0, 1.0)

@@ -2,6 +2,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 from support.records import replace
@@ -94,7 +95,7 @@ def test_pauses_start_again_short_once_frames_have_arrived() -> None:
 
 
 def test_other_server_on_the_port_is_told_apart(listener: socket.socket) -> None:
-    with client_of(listener) as client:
+    with closing(client_of(listener)) as client:
         run_until(client, lambda: client.state.name == "negotiating")
         link, _ = listener.accept()
         with link:
@@ -105,7 +106,7 @@ def test_other_server_on_the_port_is_told_apart(listener: socket.socket) -> None
 
 
 def test_server_that_says_nothing_is_given_up(listener: socket.socket) -> None:
-    with client_of(listener, connect_s=0.1) as client:
+    with closing(client_of(listener, connect_s=0.1)) as client:
         run_until(client, lambda: client.state.name == "negotiating")
         run_until(client, lambda: client.state.name != "negotiating")
         assert client.state.last_error == "connected, but no offer within 0.1 s: not a DataStream server?"

@@ -1,5 +1,7 @@
 """Every fault of docs/motion_capture.md, as our own client lives through it."""
 
+from contextlib import closing
+
 import pytest
 from support.records import replace
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
@@ -60,7 +62,7 @@ def test_restarted_tracker_is_found_again() -> None:
         bench.server.close()
         assert bench.client.next_frame(0.01) is None
         bench.number = 0
-        with TrackerServer(host, port, rate_hz=200.0, clock=bench.clock) as bench.server:
+        with closing(TrackerServer(host, port, rate_hz=200.0, clock=bench.clock)) as bench.server:
             bench.run_until_up(connects=2)
             bench.run_frames(3)
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -75,8 +75,8 @@ def test_official_sdk_sees_the_same_positions_and_occlusions_as_our_client(profi
     generator = np.random.default_rng(7)
     ours: dict[int, CapturedFrame] = {}
     with (
-        TrackerServer(port=0, profile=profile, rate_hz=100.0) as server,
-        DataStreamClient(*server.address, limits=PATIENT) as client,
+        closing(TrackerServer(port=0, profile=profile, rate_hz=100.0)) as server,
+        closing(DataStreamClient(*server.address, limits=PATIENT)) as client,
         sdk_client(server) as sdk,
     ):
         deadline_s = time.monotonic() + 2 * DEADLINE_S

@@ -1,5 +1,6 @@
 import io
 import time
+from contextlib import closing
 from pathlib import Path
 
 from support.waiting import DEADLINE_S, PatientClock
@@ -35,8 +36,8 @@ def test_session_recorded_from_one_tracker_is_replayed_by_another(tmp_path: Path
     replayed = []
     clock = PatientClock(READING_S)
     with (
-        TrackerReplay(sessions, port=0, clock=clock) as server,
-        DataStreamClient(*server.address, limits=PATIENT, clock=clock) as client,
+        closing(TrackerReplay(sessions, port=0, clock=clock)) as server,
+        closing(DataStreamClient(*server.address, limits=PATIENT, clock=clock)) as client,
     ):
         deadline_s = time.monotonic() + DEADLINE_S
         while client.state.connects < 3 and time.monotonic() < deadline_s:

@@ -2,6 +2,7 @@
 
 import io
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from rcopterx.vicon_gateway.recording import RecordingFile, RecordingFileError, 
 
 def test_what_was_written_is_in_the_file_without_closing_it(tmp_path: Path) -> None:
     path = tmp_path / "session.raw"
-    with RecordingFile.create(path) as file:
+    with closing(RecordingFile.create(path)) as file:
         file.write(b"abc")
         file.write(b"defg")
         wait_for(lambda: path.read_bytes() == b"abcdefg", "not written")
@@ -24,7 +25,7 @@ def test_what_was_written_is_in_the_file_without_closing_it(tmp_path: Path) -> N
 def test_earlier_recordings_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "session.raw"
     for number in range(3):
-        with RecordingFile.create(path) as file:
+        with closing(RecordingFile.create(path)) as file:
             file.write(bytes([number]))
     found = {
         name: (tmp_path / name).read_bytes() for name in ("session.raw", "session-2.raw", "session-3.raw")
@@ -60,7 +61,7 @@ def test_full_disk_is_told_by_a_later_write(tmp_path: Path) -> None:
             return "No space left" in str(error)
         return False
 
-    with RecordingFile(FullDisk(), tmp_path) as file:
+    with closing(RecordingFile(FullDisk(), tmp_path)) as file:
         wait_for(refused, "the full disk is not told")
 
 
@@ -75,7 +76,7 @@ def test_disk_that_hangs_delays_nobody_and_ends_the_recording(
             released.wait()
             return 0
 
-    with RecordingFile(HangingDisk(), tmp_path) as file:
+    with closing(RecordingFile(HangingDisk(), tmp_path)) as file:
         file.write(bytes(60))
         with pytest.raises(OSError, match="is 100 bytes behind"):
             file.write(bytes(60))

@@ -3,6 +3,7 @@
 import io
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ class Running:
 
 def test_stream_is_recorded_and_the_status_says_where(join: Callable[..., Session], tmp_path: Path) -> None:
     path = tmp_path / "session.raw"
-    with running_tracker("heli1", "heli2") as server, RecordingFile.create(path) as file:
+    with running_tracker("heli1", "heli2") as server, closing(RecordingFile.create(path)) as file:
         running = Running(join, server.address, file, path)
         status = running.step_until(lambda status: status.counters["frames"] > 20)
         running.client.close()
@@ -74,7 +75,7 @@ def test_gateway_flies_on_when_the_recording_fails_and_says_so(
         def write(self, data: object) -> int:
             raise OSError(28, "No space left on device")
 
-    with running_tracker("heli1", "heli2") as server, RecordingFile(FullDisk(), tmp_path) as file:
+    with running_tracker("heli1", "heli2") as server, closing(RecordingFile(FullDisk(), tmp_path)) as file:
         running = Running(join, server.address, file, tmp_path)
         status = running.step_until(lambda status: status.counters["recording failures"] == 1)
         assert "No space left on device" in status.recording

@@ -46,8 +46,8 @@ class Bench:
         self.publishing = True
         self._next_s = 0.0
         self._stack = ExitStack()
-        self._stack.enter_context(self.server)
-        self._stack.enter_context(self.client)
+        self._stack.callback(self.server.close)
+        self._stack.callback(self.client.close)
 
     def __enter__(self) -> Self:
         return self

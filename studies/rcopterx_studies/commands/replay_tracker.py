@@ -1,5 +1,6 @@
 """Replaying a recorded Tracker: `replay-tracker`."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,7 +39,7 @@ def replay_tracker(
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
-    with _replay(file, port, speed) as replay, until_ctrl_c() as interrupts:
+    with closing(_replay(file, port, speed)) as replay, until_ctrl_c() as interrupts:
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         count = replay.progress.connections

@@ -134,8 +134,10 @@ class OneProcess:
         settings = tracker_settings(self._file)
         with Session(settings.bus) as session:
             clock = settings.bus.clock
-            with DataStreamClient(
-                settings.host, settings.port, clock=session.clock, speed=clock.speed, at_once=True
+            with closing(
+                DataStreamClient(
+                    settings.host, settings.port, clock=session.clock, speed=clock.speed, at_once=True
+                )
             ) as client:
                 gateway = TrackerGateway(settings, client, session, realtime=False)
                 while True:

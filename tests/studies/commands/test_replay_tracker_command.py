@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,7 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
     with (
         path.open("wb") as sink,
         running_tracker("heli1") as server,
-        DataStreamClient(*server.address, limits=PATIENT, record_raw=sink.write) as client,
+        closing(DataStreamClient(*server.address, limits=PATIENT, record_raw=sink.write)) as client,
     ):
         wait_for(
             lambda: client.next_frame(0.01) is not None and client.state.counters.frames > 20, "no frames"
@@ -68,7 +69,7 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
         assert process.stderr is not None
         found = re.search(r"1 connection; connect to 127\.0\.0\.1:(\d+)$", process.stderr.readline().strip())
         assert found is not None
-        with DataStreamClient("127.0.0.1", int(found[1]), limits=PATIENT) as client:
+        with closing(DataStreamClient("127.0.0.1", int(found[1]), limits=PATIENT)) as client:
             wait_for(lambda: client.next_frame(0.01) is None and _heard(client) > 15, "not played")
             assert process.wait(DEADLINE_S) == 0
         assert "connection 1 of 1" in process.stderr.read()

@@ -4,6 +4,7 @@ import io
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 from support.tracker import running_tracker
@@ -62,7 +63,7 @@ def test_bytes_come_at_their_times_and_connections_in_their_order(
     speed: float, reader_of: Callable[[TrackerReplay], Reader]
 ) -> None:
     clock = FakeClock()
-    with TrackerReplay(RECORDING, port=0, speed=speed, clock=clock) as replay:
+    with closing(TrackerReplay(RECORDING, port=0, speed=speed, clock=clock)) as replay:
         assert replay.progress == (0, 2, 0.0, 0.0)
         reader = reader_of(replay)
         assert reader.read() == b"offer"
@@ -100,15 +101,15 @@ def test_frames_of_a_recording_made_of_a_moving_body_are_the_same_again() -> Non
     sink = io.BytesIO()
     with (
         running_tracker("heli1") as server,
-        DataStreamClient(*server.address, limits=LIMITS, record_raw=sink.write) as client,
+        closing(DataStreamClient(*server.address, limits=LIMITS, record_raw=sink.write)) as client,
     ):
         original = frames_of(client, lambda frames: len(frames) >= 20)
     recording = connections(read_records(io.BytesIO(sink.getvalue())))
     # Latest wins: what is played in a stall is never seen, so the player's time stands still meanwhile.
     clock = PatientClock(0.001)
     with (
-        TrackerReplay(recording, port=0, speed=2.0, clock=clock) as replay,
-        DataStreamClient(*replay.address, limits=LIMITS, clock=clock) as client,
+        closing(TrackerReplay(recording, port=0, speed=2.0, clock=clock)) as replay,
+        closing(DataStreamClient(*replay.address, limits=LIMITS, clock=clock)) as client,
     ):
         replayed = frames_of(client, lambda frames: replay.finished, lambda: replay.poll(0.0))
     places = {frame.frame: frame.subjects for frame in replayed}
