@@ -132,15 +132,12 @@ class Source(Protocol):
     @property
     def clock(self) -> Callable[[], float]:
         """Clock [s] of the times of arrival."""
-        ...
 
     def subscribe(self, channel: Channel[M], unit: str) -> Inbox[M]:
         """Receive a channel of one unit."""
-        ...
 
     def subscribe_all(self, channel: Channel[M], depth: int = 1, *, waking: bool = True) -> Units[M]:
         """Receive a channel of every unit; messages can wake the loop of the process."""
-        ...
 
 
 Waking = bool | Callable[[], bool]  # whether messages wake the loop, or a function that decides it

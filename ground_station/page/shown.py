@@ -20,11 +20,9 @@ class Screen(Protocol):
 
     def put(self, part: str, content: object) -> None:
         """Replace a part, see `rcopterx.ground_station.page.feed.PARTS`."""
-        ...
 
     def add_sample(self, now_s: float, values: Sequence[Sequence[float | None]]) -> None:
         """Add samples of all vehicles, in the order of the fleet."""
-        ...
 
 
 class FleetShown:

@@ -35,11 +35,9 @@ class Stop(Protocol):
 
     def is_set(self) -> bool:
         """Return whether it was made."""
-        ...
 
     def wait(self, timeout: float, /) -> bool:
         """Wait for it for a time [s]; return whether it was made."""
-        ...
 
 
 _STOP: ContextVar[Stop | None] = ContextVar("stop", default=None)

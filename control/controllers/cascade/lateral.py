@@ -40,15 +40,12 @@ class LateralProblem(Protocol):
 
     def along(self, heading: Array, task: CascadeTask) -> OptimalControlProblem:
         """State the problem along a planned heading, shape (N + 2,); positions are inertial."""
-        ...
 
     def velocity_at_end(self, plan: Solution, heading: Array) -> Array:
         """Return the velocity after the last stage, inertial frame, shape (2,)."""
-        ...
 
     def sticks(self, plan: Solution, task: CascadeTask) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""
-        ...
 
 
 class LateralLags(LagProblem):
