@@ -6,10 +6,9 @@ import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.formation.placement import TOLERANCE_M, Room
 from rcopterx.formation.topology import places, roots
 from rcopterx.vehicles.state import Array
-
-TOLERANCE_M = 1e-6
 
 
 def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
@@ -26,17 +25,15 @@ def formation_places(fleet: FleetFile) -> dict[str, Array]:
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     """Check distances and room of each formation at heading zero; raises `FleetError`."""
     links, where = links_of(fleet), formation_places(fleet)
+    room = Room(fleet.volume.min_m, fleet.volume.max_m, minimum_distance_m)
     for name, other in combinations(fleet.vehicles, 2):
         if roots(links, name) != roots(links, other):
             continue
         later = name if links[name] and any(link.leader == other for link in links[name]) else other
+        problem = room.too_close(name, where[name], other, where[other])
+        if problem is not None:
+            raise FleetError(f"vehicles.{later}.follow: {problem}")
         gap = np.abs(where[name][:3] - where[other][:3])
-        distance_m = float(np.linalg.norm(gap))
-        if minimum_distance_m is not None and distance_m < minimum_distance_m - TOLERANCE_M:
-            raise FleetError(
-                f"vehicles.{later}.follow: {name} and {other} would be {distance_m:.3g} m apart, the minimum "
-                f"distance is {minimum_distance_m:g} m"
-            )
         for axis, (low, high) in enumerate(zip(fleet.volume.min_m, fleet.volume.max_m, strict=True)):
             if gap[axis] > high - low + TOLERANCE_M:
                 raise FleetError(

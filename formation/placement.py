@@ -32,14 +32,17 @@ class Room:
                 return f"{axis}: {value:.4g} m is outside the flight volume {low:g} .. {high:g} m"
         return None
 
-    def too_close(self, place: Array, other: Array) -> str | None:
-        """Describe the distance of a place, or of the nearest of several, to another if it is too small."""
+    def too_close(self, name: str, place: Array, other_name: str, other: Array) -> str | None:
+        """Describe why two vehicles would be too near, one at the nearest of places; None if they are not."""
         if self.minimum_distance_m is None:
             return None
         distance_m = float(np.linalg.norm(place[..., :3] - other[:3], axis=-1).min())
         if distance_m >= self.minimum_distance_m - TOLERANCE_M:
             return None
-        return f"{distance_m:.3g} m apart, the minimum distance is {self.minimum_distance_m:g} m"
+        return (
+            f"{name} and {other_name} would be {distance_m:.3g} m apart, "
+            f"the minimum distance is {self.minimum_distance_m:g} m"
+        )
 
 
 def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> str | None:
@@ -47,8 +50,7 @@ def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> st
     links = tuple(following)
     if len(links) != 1:
         return None
-    problem = room.too_close(np.array(links[0].offset_m), np.zeros(3))
-    return None if problem is None else f"{name} and {links[0].leader} would be {problem}"
+    return room.too_close(name, np.array(links[0].offset_m), links[0].leader, np.zeros(3))
 
 
 def place_problem(
@@ -71,9 +73,9 @@ def place_problem(
         for other, place in where.items():
             if other == moved or moved not in where or (other in along and moved != name):
                 continue
-            problem = room.too_close(where[moved], place)
+            problem = room.too_close(moved, where[moved], other, place)
             if problem is not None:
-                return f"{moved} and {other} would be {problem}"
+                return problem
     return None
 
 
@@ -91,9 +93,9 @@ def take_off_problem(
             continue
         place = np.array(status.position_m)
         nearest = np.array([*floor_m[:2], np.clip(place[2], floor_m[2], floor_m[2] + height_m)])
-        problem = room.too_close(nearest, place)
+        problem = room.too_close(name, nearest, other, place)
         if problem is not None:
-            return f"on its way up {name} and {other} would be {problem}"
+            return f"on its way up {problem}"
     if not all(link.leader in statuses and statuses[link.leader].phase in AT_WORK for link in following):
         return None
     others = {other: status for other, status in statuses.items() if other != name}
@@ -119,9 +121,9 @@ def move_problem(
         return problem
     for moved in (name, *followers(links, name)):
         for other, place in unrelated.items():
-            problem = room.too_close(where[moved], place) if moved in where else None
+            problem = room.too_close(moved, where[moved], other, place) if moved in where else None
             if problem is not None:
-                return f"{moved} and {other} would be {problem}"
+                return problem
     return None
 
 
