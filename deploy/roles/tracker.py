@@ -1,7 +1,10 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+import msgspec
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
@@ -17,11 +20,20 @@ if TYPE_CHECKING:
     from rcopterx.vicon_gateway.external_poses import PoseLink
 
 OWN_CLIENT: Final = "vicon"
-BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
-SIMULATED: Final = ("vicon", "vicon_sdk")  # brands whose protocol the simulator speaks
-LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}  # names in the library `motioncapture` unlike ours
-USUAL_PORTS: Final = {"vicon": 801, "optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
-"""Of a Vicon Tracker by default; for others the fleet file has to name the port."""
+
+
+class Brand(msgspec.Struct, frozen=True):
+    """A row of `brands.toml`, which describes the fields."""
+
+    text: str = ""
+    port: int | None = None
+    library: str | None = None
+    options: dict[str, str] = {}
+    simulated: bool = False
+
+
+BRANDS: Final = msgspec.toml.decode((files(__package__) / "brands.toml").read_bytes(), type=dict[str, Brand])
+USUAL_PORTS: Final = {name: brand.port for name, brand in BRANDS.items() if brand.port is not None}
 
 
 def run(fleet: FleetFile, _host: str) -> None:
@@ -78,11 +90,10 @@ def brand_of(fleet: FleetFile) -> "BrandSettings | None":
     """Return the settings of another brand, None for a Vicon Tracker; `FleetError` for a wrong field."""
     tracker = fleet.tracker
     brand = tracker.brand
-    check_known("tracker.brand", "brand", brand, BRAND_NAMES)
-    if fleet.simulator is not None and brand not in SIMULATED:
-        raise FleetError(
-            f"tracker.brand: {brand!r}, the simulator is a Vicon Tracker: allowed are {', '.join(SIMULATED)}"
-        )
+    check_known("tracker.brand", "brand", brand, BRANDS)
+    if fleet.simulator is not None and not BRANDS[brand].simulated:
+        allowed = ", ".join(name for name, row in BRANDS.items() if row.simulated)
+        raise FleetError(f"tracker.brand: {brand!r}, the simulator is a Vicon Tracker: allowed are {allowed}")
     if brand == OWN_CLIENT:
         for name in ("rate_hz", "latency_s"):
             if getattr(tracker, name) is not None:
@@ -99,22 +110,11 @@ def brand_of(fleet: FleetFile) -> "BrandSettings | None":
         raise FleetError(f"tracker.address: is missing, for brand {brand!r} it is {usual} as a rule")
     from rcopterx.vicon_gateway.brands import BrandSettings
 
-    library_name = LIBRARY_NAMES.get(brand, brand)
-    settings = _addressed(brand, *tracker_address(fleet)) | tracker.settings
+    (host, port), row = tracker_address(fleet), BRANDS[brand]
+    addressed = {name: text.format(host=host, port=port) for name, text in row.options.items()}
+    settings = addressed | tracker.settings
     with errors_at("tracker.settings", ValueError):
-        return BrandSettings(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
-
-
-def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
-    match brand:
-        case "vicon_sdk" | "vrpn":
-            return {"hostname": f"{host}:{port}"}
-        case "optitrack":
-            return {"hostname": host, "port_command": str(port)}
-        case "qualisys":
-            return {"hostname": host, "port": str(port)}
-        case _:
-            return {}
+        return BrandSettings(row.library or brand, settings, tracker.rate_hz, tracker.latency_s or 0.0)
 
 
 def raw_recording(fleet: FleetFile) -> Path | None:

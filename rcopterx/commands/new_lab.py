@@ -19,12 +19,6 @@ RATE_HZ: Final = 100.0
 LOW: Final = "-1.5,-1.5,0"
 HIGH: Final = "1.5,1.5,2"
 CRAZYFLIE: Final = "radio://0/80/2M/E7E7E7E7"  # and two digits
-BRANDS: Final = {
-    "vicon": "Vicon Tracker or Nexus: the data stream, which reports its rate",
-    "optitrack": "OptiTrack Motive: NatNet; the port is that of commands",
-    "qualisys": "Qualisys Track Manager",
-    "vrpn": "any server of VRPN",
-}
 MOTION_CAPTURE = "motion_capture.yaml"
 
 NewFleetFile = Annotated[Path, Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")]
@@ -98,7 +92,7 @@ class Dialogue:
 
     def ask_for_motion_capture(self) -> None:
         """Ask for brand, address and rate of the motion capture."""
-        from rcopterx.deploy.roles.tracker import USUAL_PORTS
+        from rcopterx.deploy.roles.tracker import BRANDS, USUAL_PORTS
 
         def of_brand(text: str) -> "NewLaboratory":
             address, rate_hz = f"127.0.0.1:{USUAL_PORTS.get(text, 1)}", None if text == "vicon" else RATE_HZ
@@ -107,7 +101,7 @@ class Dialogue:
         def of_rate(text: str) -> "NewLaboratory":
             return self.laboratory._replace(rate_hz=number_in(text, "rate"))
 
-        _print("brands of motion capture", [f"{name:10} {text}" for name, text in BRANDS.items()])
+        _print("brands of motion capture", [f"{name:10} {BRANDS[name].text}" for name in USUAL_PORTS])
         self._ask("Brand of the motion capture", "vicon", of_brand)
         usual = self.laboratory.tracker
         self._ask("Its address, HOST:PORT", usual, lambda text: self.laboratory._replace(tracker=text))

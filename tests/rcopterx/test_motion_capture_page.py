@@ -8,7 +8,7 @@ import pytest
 from support.fleets import HARDWARE_PAIR
 
 from rcopterx import ground_station
-from rcopterx.deploy.roles.tracker import BRAND_NAMES, brand_of
+from rcopterx.deploy.roles.tracker import BRANDS, brand_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.simulator.faults import FAULTS
 from rcopterx_studies.faults.scenario import fault_from, field_from, read_scenario
@@ -48,7 +48,7 @@ def test_scenario_of_the_page_can_be_read(tmp_path: Path) -> None:
 
 def test_brands_of_the_page_are_all_there_are_and_its_examples_are_right() -> None:
     table = PAGE.split("| brand | usual address | remarks |")[1].split("\n\n")[0]
-    assert re.findall(r"^\| `(\w+)` \|", table, flags=re.MULTILINE) == list(BRAND_NAMES)
+    assert re.findall(r"^\| `(\w+)` \|", table, flags=re.MULTILINE) == list(BRANDS)
     trackers = [block.split("[vehicles")[0] for block in blocks("toml") if "brand =" in block]
     assert len(trackers) == 2
     for text in trackers:
