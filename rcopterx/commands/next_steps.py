@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,6 @@ if TYPE_CHECKING:
     from rcopterx.deploy.hosts.running import RunningFleet
 
 Step = tuple[str, str]  # a command, and what it does
-
-ALL: Step = ("rcopterx --help", "all commands")
 
 
 def show_next_steps() -> None:
@@ -42,27 +41,14 @@ def next_steps(running: "Sequence[RunningFleet]", files: Sequence[str]) -> tuple
     """Return a title and the steps that come next, by the fleets that are up and the files here."""
     if running:
         up = running[0]
-        return f"Fleet {up.fleet} is up, with {', '.join(up.vehicles)}.", [
-            ("rcopterx check", "what prevents a take-off"),
-            ("rcopterx takeoff", "take off and hover in formation"),
-            (f"rcopterx goto {up.vehicles[0]} 0.3 0.2 1.2 90", "x y z in metres, yaw in degrees"),
-            ("rcopterx ground --open", "the page in the browser"),
-            ("rcopterx identify --all", "fit the models in flight, in a minute"),
-            ("rcopterx land", "land and disarm"),
-            ("rcopterx kill", "cut the motors at once"),
-            ALL,
-        ]
+        return _filled("up", fleet=up.fleet, vehicles=", ".join(up.vehicles), first=up.vehicles[0])
     if files:
-        name = files[0]
-        return f"No fleet is up. Fleet files here: {', '.join(files)}.", [
-            (f"rcopterx margins {name}", "robustness of every vehicle"),
-            (f"rcopterx up {name}", "start the fleet"),
-            ("rcopterx ground --open", "the page in the browser, in a second terminal"),
-            ALL,
-        ]
-    return "No fleet is up, and there is no fleet file here.", [
-        ("rcopterx demo", "three simulated helicopters and the page to fly them"),
-        ("rcopterx up trio", "the same fleet, to be flown from a second terminal"),
-        ("rcopterx new-lab lab.toml", "write a fleet file for your laboratory"),
-        ALL,
-    ]
+        return _filled("files", files=", ".join(files), first=files[0])
+    return _filled("nothing")
+
+
+def _filled(case: str, **names: str) -> tuple[str, list[Step]]:
+    """Return title and steps of a case of `next_steps.toml`, with the names in their places."""
+    table = tomllib.loads((resources.files(__package__) / "next_steps.toml").read_text("utf-8"))[case]
+    steps = [(command.format(**names), text) for command, text in table["steps"]]
+    return table["title"].format(**names), steps
