@@ -1,7 +1,9 @@
 """All commands of `rcopterx`; the fast path of `kill` is in `rcopterx.cli`."""
 
+import tomllib
 from collections import UserDict
 from importlib import import_module
+from importlib.resources import files
 from typing import Annotated, Any, Final
 
 import typer
@@ -11,33 +13,11 @@ from typer.core import TyperGroup
 from rcopterx.commands.extensions import STUDIES, added_command, added_commands
 from rcopterx.commands.fleet_option import user_errors
 
-COMMANDS: Final = {
-    "Fly": ("launch.up", "launch.host", "launch.demo", "fly.fly"),
-    "Watch a running fleet": ("watch.status", "watch.check", "watch.logs", "watch.top", "ground.ground"),
-    "Steer a running fleet": (
-        "steer.arm", "steer.takeoff", "steer.goto", "steer.follow", "steer.lead", "steer.swap",
-        "steer.promote", "steer.formation", "trajectory.trajectory", "steer.tune", "steer.join",
-        "steer.leave", "steer.move", "steer.home", "steer.land", "steer.disarm", "steer.kill", "steer.reset",
-    ),
-    "Flight logs": (
-        "flights.flights", "flights.replay", "flights.report", "flights.export", "flights.recover",
-    ),
-    "Prepare a laboratory": ("new_lab.new_lab", "new_lab.import_"),
-    "Prepare hosts": ("hosts.deploy", "hosts.certs", "hosts.doctor"),
-    "Prepare vehicles": ("vehicles.types", "identify.identify", "vehicles.margins"),
-    "Prepare radios": ("radio.bind", "radio.range_check", "radio.calibrate", "radio.udev_rules"),
-    "Run one process": (
-        "roles.router", "roles.recorder", "roles.learner", "roles.simulator", "roles.tracker",
-        "roles.transmitters", "roles.agent",
-    ),
-}  # fmt: skip
-"""Functions of `rcopterx.commands`, or groups of them, by the panel of the help in which they stand."""
+_PANELS: Final = tomllib.loads((files("rcopterx.commands") / "commands.toml").read_text("utf-8"))
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
-
-
 PLACES: Final = {
     function.partition(".")[2].strip("_").replace("_", "-"): (panel, *function.split("."))
-    for panel, functions in COMMANDS.items()
+    for panel, functions in _PANELS.items()
     for function in functions
 }
 """Panel, module and name in it of every command, by the name that is typed."""
