@@ -16,7 +16,7 @@ from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.radios.crtp import RadioAddress
 from rcopterx.radios.protocol import ProtocolError
 from rcopterx.radios.udp import UDP, udp_address
-from rcopterx.user_text import TextError, host_and_port, is_ipv6
+from rcopterx.user_text import TextError, host_and_port, ip_version
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
 MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
@@ -165,7 +165,7 @@ def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
     if document.get("rigid_bodies"):
         remarks.append(f"{path.name}: rigid_bodies, found from single markers, are not taken over")
     host = parameters.hostname.strip()
-    if is_ipv6(host):
+    if ip_version(host) == 6:
         host = f"[{host}]"
     for address, remark in (
         (f"{host}:{USUAL_PORTS[parameters.type]}", ""),

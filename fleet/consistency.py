@@ -8,7 +8,7 @@ from typing import Final
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
 from rcopterx.bus.processes import RESERVED_PROCESSES
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known, is_loopback
-from rcopterx.user_text import is_ipv6
+from rcopterx.user_text import ip_version
 
 LARGEST_M: Final = 100.0  # of the coordinates of a flight volume, which is indoors
 
@@ -60,7 +60,7 @@ def _check_hosts(fleet: FleetFile) -> None:
     check_unique("hosts", "router_port", addresses)
     for name, address in addresses.items():
         host_address = fleet.hosts[name].address
-        if ":" in host_address and not is_ipv6(host_address):
+        if ":" in host_address and ip_version(host_address) != 6:
             raise FleetError(f"hosts.{name}.address: {host_address!r}: the port belongs into router_port")
         if not address.isascii():
             raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")

@@ -1,12 +1,12 @@
 """Settings of the radio protocol `mavlink`, which need no library."""
 
-import ipaddress
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from rcopterx.radios.protocol import ProtocolError, SerialLine, check_choice, check_ranges
 from rcopterx.radios.set_points import FullStick
 from rcopterx.radios.udp import udp_address
+from rcopterx.user_text import ip_version
 
 
 class Mode(NamedTuple):
@@ -67,9 +67,7 @@ class MavlinkSettings(FullStick):
     def _check_pose_port(self) -> None:
         """Raise `ProtocolError` if poses cannot be sent there; the Vicon gateway looks no names up."""
         host, _ = udp_address(self.pose_port)
-        try:
-            ipaddress.IPv4Address(host)
-        except ValueError:
-            raise ProtocolError(f"mavlink.pose_port: {host!r} is no IP address of version 4") from None
+        if ip_version(host) != 4:
+            raise ProtocolError(f"mavlink.pose_port: {host!r} is no IP address of version 4")
         if self.external_pose:
             raise ProtocolError("mavlink.pose_port: leave external_pose out, poses are sent once")

@@ -94,18 +94,18 @@ def number_in(cell: str, where: str) -> float:
     return value
 
 
-def is_ipv6(address: str) -> bool:
-    """Whether a host is the literal of an IPv6 address."""
+def ip_version(host: str) -> int | None:
+    """Return the version of an IP address, 4 or 6; None for a name."""
     try:
-        return ipaddress.ip_address(address).version == 6
+        return ipaddress.ip_address(host).version
     except ValueError:
-        return False
+        return None
 
 
 def host_and_port(text: str) -> tuple[str, int]:
     """Return the parts of HOST:PORT, an IPv6 address being in brackets; raises `TextError`."""
     match = _ADDRESS.fullmatch(text)
-    if match is None or not 0 < int(match[3]) < 65536 or (match[1] and not is_ipv6(match[1])):
+    if match is None or not 0 < int(match[3]) < 65536 or (match[1] and ip_version(match[1]) != 6):
         hint = ", an IPv6 address in brackets" if text.count(":") > 1 else ""
         raise TextError(f"{text!r}, must be HOST:PORT{hint}")
     return match[1] or match[2], int(match[3])

@@ -1,6 +1,5 @@
 """Vehicles behind a UDP port."""
 
-import ipaddress
 import math
 import socket
 from concurrent.futures import Future
@@ -12,6 +11,7 @@ from rcopterx.background import Address, Start, begin, in_thread, look_up
 from rcopterx.radios.set_points import SetPointRadio
 from rcopterx.radios.udp import LONGEST_DATAGRAM, udp_address
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
+from rcopterx.user_text import ip_version
 
 PROBE_S: Final = 0.05
 LOOK_UP_S: Final = 2.0  # between two look-ups of a name while nothing answers at its last address
@@ -32,7 +32,7 @@ class UdpPort(Port):
         self._protocol = protocol
         self._host, number = udp_address(path)
         self._look_up, self._start = partial(look_up, self._host, number), start
-        named = not _is_address(self._host)
+        named = ip_version(self._host) != 4
         self._address: Address | None = None if named else (self._host, number)
         self._look_up_at_s = -math.inf if named else math.inf
         self._looking_up: Future[Address] | None = None
@@ -126,11 +126,3 @@ class UdpPort(Port):
 
 def _text(path: str, error: BaseException) -> str:
     return f"{path}: {getattr(error, 'strerror', None) or error}"
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.IPv4Address(host)
-    except ValueError:
-        return False
-    return True
