@@ -25,6 +25,7 @@ from rcopterx.fleet.schema import (
     VehicleConfig,
     errors_at,
 )
+from rcopterx.places import replace_file
 from rcopterx.user_text import TextError, similar
 
 SUFFIX = ".json"
@@ -32,9 +33,7 @@ SUFFIX = ".json"
 
 def write_snapshot(fleet: FleetFile, path: Path) -> None:
     """Write a fleet file with its defaults, so that later changes of the file have no effect."""
-    temporary = path.with_suffix(".new")
-    temporary.write_bytes(encoded(fleet))
-    temporary.replace(path)
+    replace_file(path, encoded(fleet))
 
 
 def encoded(fleet: FleetFile) -> bytes:

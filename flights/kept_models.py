@@ -9,6 +9,7 @@ import msgspec
 from rcopterx.control.identification.fit import WORSE, errors_ahead
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.identification.result import PARTS, Identification
+from rcopterx.places import replace_file
 from rcopterx.vehicles.model import Model, fitted_parameters, with_parameters
 
 
@@ -38,8 +39,7 @@ def write_kept(directory: Path, vehicle: str, kept: KeptModel) -> None:
     path = _path(directory, vehicle)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        path.with_suffix(".new").write_bytes(msgspec.json.format(msgspec.json.encode(kept)))
-        path.with_suffix(".new").replace(path)
+        replace_file(path, msgspec.json.format(msgspec.json.encode(kept)))
     except OSError:
         path.unlink(missing_ok=True)
 

@@ -1,4 +1,4 @@
-"""Whether directories can be used, as permissions hide full disks, quotas and missing locks; locked files."""
+"""Whether directories can be used, as permissions hide full disks, quotas and missing locks; files."""
 
 import fcntl
 import os
@@ -24,3 +24,12 @@ def is_locked(file: int | IO[bytes]) -> bool:
         return True
     fcntl.flock(file, fcntl.LOCK_UN)
     return False
+
+
+def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
+    """Write a file with permissions `mode` in place of an earlier one, which stays after an `OSError`."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}")
+    temporary.unlink(missing_ok=True)
+    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+        file.write(content)
+    temporary.replace(path)

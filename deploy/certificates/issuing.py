@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from rcopterx.deploy.certificates.files import AUTHORITY, certificate_path, key_path
+from rcopterx.places import replace_file
 
 WARN_DAYS: Final = 14
 
@@ -184,13 +185,5 @@ def _keep(directory: Path, name: str, certificate: x509.Certificate, key: ec.Ell
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)
     pem = serialization.Encoding.PEM
     secret = key.private_bytes(pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
-    _replace(key_path(directory, name), secret, 0o600)
-    _replace(certificate_path(directory, name), certificate.public_bytes(pem), 0o644)
-
-
-def _replace(path: Path, content: bytes, mode: int) -> None:
-    temporary = path.with_name(path.name + ".new")
-    temporary.unlink(missing_ok=True)
-    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-        file.write(content)
-    temporary.replace(path)
+    replace_file(key_path(directory, name), secret, 0o600)
+    replace_file(certificate_path(directory, name), certificate.public_bytes(pem), 0o644)

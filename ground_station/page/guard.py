@@ -4,7 +4,6 @@ import asyncio
 import errno
 import hmac
 import logging
-import os
 import secrets
 import threading
 from collections.abc import Awaitable, Callable
@@ -18,6 +17,8 @@ from urllib.parse import unquote
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+
+from rcopterx.places import replace_file
 
 HOST: Final = "127.0.0.1"
 NAMES: Final = (HOST, "localhost")  # another name may have been rebound to this address
@@ -150,10 +151,7 @@ def _answer(status: HTTPStatus, content: str | bytes, kind: str = "text/plain") 
 def kept_key(path: Path) -> str:
     """Return the secret in a file, created if missing, by which windows of a restarted page reconnect."""
     if not path.exists():
-        fresh = path.with_suffix(f".{os.getpid()}")
-        fresh.touch(0o600)
-        fresh.write_text(secrets.token_urlsafe(KEY_BYTES))
-        fresh.replace(path)
+        replace_file(path, secrets.token_urlsafe(KEY_BYTES).encode(), 0o600)
     return path.read_text()
 
 
