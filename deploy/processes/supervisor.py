@@ -220,9 +220,9 @@ class Supervisor:
         """End unwanted children in stopping order, and start those that have become wanted."""
         lines = []
         leaving = [child for child in self.children.values() if not child.wanted and child.process]
-        first = min((child.spec.stop_order for child in leaving), default=0)
+        first = min((ROLES[child.spec.role].stop_order for child in leaving), default=0)
         for child in leaving:
-            if child.spec.stop_order == first:
+            if ROLES[child.spec.role].stop_order == first:
                 self._terminate(child)
         for name, child in self.children.items():
             if not child.wanted:

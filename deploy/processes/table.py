@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.processes import AGENT, LEARNER, RECORDER, ROLES, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
+from rcopterx.bus.processes import AGENT, LEARNER, RECORDER, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
 from rcopterx.fleet.schema import FleetFile, check_known
 
 EXIT_ELSEWHERE: Final = 4  # of an agent whose vehicle another one flies, and which is not restarted
@@ -21,11 +21,6 @@ class ProcessSpec:
     unit: str  # host, gateway or vehicle that the process serves
     host: str = ""  # host of an agent; empty for that of the fleet file
     landing_s: float = 0.0  # how much longer it may take to end, because it lands vehicles, in real time
-
-    @property
-    def stop_order(self) -> int:
-        """See `Role`."""
-        return ROLES[self.role].stop_order
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
         """Return the command line of the process; with `take_over` an agent takes over from another one."""

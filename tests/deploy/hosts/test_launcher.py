@@ -13,6 +13,7 @@ from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.bus.clock import Clock
+from rcopterx.bus.processes import ROLES
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime, stretched
 from rcopterx.deploy.hosts.resources import check_resources
@@ -51,7 +52,7 @@ def test_one_host_runs_everything_in_starting_order() -> None:
         ("agent-h1", "agent", "h1"),
         ("agent-h2", "agent", "h2"),
     ]
-    stopped = [spec.name for spec in sorted(specs, key=lambda spec: spec.stop_order)]
+    stopped = [spec.name for spec in sorted(specs, key=lambda spec: ROLES[spec.role].stop_order)]
     assert stopped == [
         "learner", "agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "recorder", "router",
     ]  # fmt: skip
