@@ -18,12 +18,7 @@ from rcopterx.radios.protocol import SerialLine
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 TCGETS2 = 0x802C542A
-TCSETS2 = 0x402C542B
-TERMIOS2 = struct.Struct("4I20s2I")
-COUNT = struct.Struct("i")
-NO_COUNT = bytes(COUNT.size)
-SPEED_BITS = 0o010017
-SPEED_IS_A_NUMBER = 0o010000
+SPEEDS = struct.Struct("36x2I")  # those of the receiver and the sender in `struct termios2`
 
 RETRY_S = 0.15
 SLOW_OPENING_S = 1.0
@@ -113,13 +108,13 @@ class SerialPort(Port):
         return True
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
-        descriptor = self._descriptor
-        if descriptor is None:
+        port, descriptor = self._serial, self._descriptor
+        if port is None or descriptor is None:
             return WriteOutcome.CLOSED
         if now_s < self._silent_until_s:
             return WriteOutcome.SILENT
         try:
-            if queued_bytes(descriptor) > len(frame):
+            if port.out_waiting > len(frame):
                 return self._backlog(now_s)
             written = os.write(descriptor, frame)
         except BlockingIOError:
@@ -176,8 +171,7 @@ def open_serial(path: str, line: SerialLine) -> serial.Serial:
     """Open a device exclusively; raises `OSError`, `termios.error` or `ValueError`. It may block."""
     port = serial.Serial()
     port.port = path
-    standard = hasattr(termios, f"B{line.baud}")
-    port.baudrate = line.baud if standard else 115_200
+    port.baudrate = line.baud
     port.bytesize = serial.EIGHTBITS
     port.parity = line.parity
     port.stopbits = line.stop_bits
@@ -189,8 +183,8 @@ def open_serial(path: str, line: SerialLine) -> serial.Serial:
     port.open()
     try:
         fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
-        if not standard:
-            set_baud(port.fileno(), line.baud)
+        if not hasattr(termios, f"B{line.baud}"):
+            check_baud(port.fileno(), line.baud)
     except BaseException:
         port.close()
         raise
@@ -213,17 +207,8 @@ def _shut_unused(opening: Future[serial.Serial]) -> None:
         _shut(opening.result())
 
 
-def queued_bytes(descriptor: int) -> int:
-    """How many bytes written to a serial line are still to be sent."""
-    count: int = COUNT.unpack(fcntl.ioctl(descriptor, termios.TIOCOUTQ, NO_COUNT))[0]
-    return count
-
-
-def set_baud(descriptor: int, baud: int) -> None:
-    """Set a baud rate without termios constant, on Linux; `OSError` if the device refuses it."""
-    *flags, rest, _, _ = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
-    flags[2] = flags[2] & ~SPEED_BITS | SPEED_IS_A_NUMBER
-    fcntl.ioctl(descriptor, TCSETS2, TERMIOS2.pack(*flags, rest, baud, baud))
-    *_, speed_in, speed_out = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
+def check_baud(descriptor: int, baud: int) -> None:
+    """Check on Linux that a device has taken a baud rate without termios constant; `OSError` if not."""
+    speed_in, speed_out = SPEEDS.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(SPEEDS.size)))
     if (speed_in, speed_out) != (baud, baud):
         raise OSError(f"asked for {baud} baud, the device took {speed_out}")
