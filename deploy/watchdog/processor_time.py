@@ -56,11 +56,8 @@ def _time_of(process: int, thread: int, proc: str) -> ThreadTime | None:
 
 
 def _read(path: str) -> bytes:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        return os.read(descriptor, SMALL_BYTES)
-    finally:
-        os.close(descriptor)
+    with open(path, "rb", buffering=0) as file:
+        return file.read(SMALL_BYTES)
 
 
 def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> Excuse:
