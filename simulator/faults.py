@@ -280,6 +280,11 @@ class FaultTable(Generic[L, F]):
         self._order = itertools.count()
         self.lasting: dict[tuple[object, ...], Lasting[F]] = {}
 
+    @property
+    def active(self) -> tuple[F, ...]:
+        """Faults that last now."""
+        return tuple(entry.fault for entry in self.lasting.values())
+
     def add(self, at_s: float, fault: L) -> None:
         """Add a fault that begins at a time."""
         heapq.heappush(self._lines, (at_s, next(self._order), fault))

@@ -85,7 +85,7 @@ class Simulator:
         self._room.close()
 
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
-        faults = (*self._tracker.faults.lasting, *self._vehicle_faults.active)
+        faults = (*self._tracker.faults.table.active, *self._vehicle_faults.table.active)
         return LaboratoryState(
             frame=frame,
             sent_s=rounded(sent_s, TIME_BITS),

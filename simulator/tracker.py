@@ -77,7 +77,7 @@ class TrackerServer:
 
     def next_due_s(self) -> float:
         """Return the time at which `poll` is needed even without network traffic, infinite for never."""
-        times = [self.faults.next_change_s()]
+        times = [self.faults.table.next_change_s()]
         if self.faults.active(faults.Silence) is None:
             dribbling = self.faults.active(faults.Dribble) is not None
             for client in self._clients.values():

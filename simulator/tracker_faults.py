@@ -27,7 +27,7 @@ class TrackerFaults:
         self.refused: deque[str] = deque(maxlen=20)
         self._offer = offer
         self._subjects: frozenset[str] | None = None
-        self._table: faults.FaultTable[faults.TrackerFault, faults.LastingFault] = faults.FaultTable()
+        self.table: faults.FaultTable[faults.TrackerFault, faults.LastingFault] = faults.FaultTable()
         self._pending: list[faults.TrackerFault] = []
         self._frame_offset = 0
         self._next_frame_id: int | None = None
@@ -42,9 +42,9 @@ class TrackerFaults:
         self._check(fault)
         match fault:
             case faults.LastingFault():
-                self._table.begin(fault, now_s)
+                self.table.begin(fault, now_s)
             case faults.Recover():
-                self._table.end()
+                self.table.end()
             case faults.ResetFrameId(frame):
                 self._next_frame_id = frame
             case _:
@@ -61,30 +61,21 @@ class TrackerFaults:
         for _, fault in lines:
             self._check(fault, planned)
         for at_s, fault in lines:
-            self._table.add(start_s + at_s, fault)
+            self.table.add(start_s + at_s, fault)
 
     def advance(self, now_s: float) -> None:
         """Start and end faults that are due."""
         self._now_s = now_s
-        for at_s, fault in self._table.due(now_s):
+        for at_s, fault in self.table.due(now_s):
             try:
                 self.apply(fault, at_s)
             except faults.FaultError as error:
                 self.refused.append(str(error))
-        self._table.end(now_s)
-
-    def next_change_s(self) -> float:
-        """Return when `advance` has something to do, infinite for never."""
-        return self._table.next_change_s()
-
-    @property
-    def lasting(self) -> tuple[faults.LastingFault, ...]:
-        """Faults that last now."""
-        return tuple(entry.fault for entry in self._table.lasting.values())
+        self.table.end(now_s)
 
     def active(self, kind: type[_F]) -> _F | None:
         """Return the active fault of a kind that concerns no particular subject; None without one."""
-        entry = self._table.lasting.get((kind, None))
+        entry = self.table.lasting.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
     def take_pending(self) -> list[faults.TrackerFault]:
@@ -100,8 +91,8 @@ class TrackerFaults:
         self._subjects = frozenset([body.name for body in frame.bodies])
         if self.active(faults.Freeze) is not None and self._last is not None:
             return self._last
-        bodies = self._with_frozen(frame.bodies) if self._table.lasting or self._frozen else frame.bodies
-        for entry in self._table.lasting.values():
+        bodies = self._with_frozen(frame.bodies) if self.table.lasting or self._frozen else frame.bodies
+        for entry in self.table.lasting.values():
             bodies = self._changed(bodies, entry)
         number = (frame.frame + self._frame_offset) % (faults.MAX_FRAME_ID + 1)
         self._last = TrackerFrame(number, bodies, frame.latency_samples)
@@ -159,7 +150,7 @@ class TrackerFaults:
         return _moved(body, [self._random.gauss(0.0, deviation_m) for _ in range(3)])
 
     def _subjects_with(self, kind: type[faults.FreezePose | faults.StandIn | faults.AddSubject]) -> set[str]:
-        return {fault.subject for fault in self.lasting if isinstance(fault, kind)}
+        return {fault.subject for fault in self.table.active if isinstance(fault, kind)}
 
     def _check(self, fault: faults.TrackerFault, planned: frozenset[str] = frozenset()) -> None:
         if isinstance(fault, faults.SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:

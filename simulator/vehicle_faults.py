@@ -17,12 +17,7 @@ class VehicleFaults:
 
     def __init__(self, plants: Mapping[str, Plant], radios: Mapping[str, RadioEnd]) -> None:
         self._plants, self._radios = plants, radios
-        self._table: FaultTable[BreakRadio | BreakVehicle | Recover, BreakRadio | BreakVehicle] = FaultTable()
-
-    @property
-    def active(self) -> tuple[BreakRadio | BreakVehicle, ...]:
-        """Faults that last now."""
-        return tuple(entry.fault for entry in self._table.lasting.values())
+        self.table: FaultTable[BreakRadio | BreakVehicle | Recover, BreakRadio | BreakVehicle] = FaultTable()
 
     def check(self, table: Iterable[TimedFault]) -> None:
         """Raise `FaultError` for a line that cannot be carried out."""
@@ -45,17 +40,17 @@ class VehicleFaults:
         """Add the lines for vehicles, which have been checked."""
         for line in table:
             if isinstance(line.fault, BreakRadio | BreakVehicle | Recover):
-                self._table.add(start_s + line.at_s, line.fault)
+                self.table.add(start_s + line.at_s, line.fault)
 
     def advance(self, now_s: float) -> None:
         """Start and end faults that are due."""
-        for at_s, fault in self._table.due(now_s):
+        for at_s, fault in self.table.due(now_s):
             if isinstance(fault, BreakRadio | BreakVehicle):
-                self._table.begin(fault, at_s)
+                self.table.begin(fault, at_s)
                 self._break(fault, now_s)
             else:
-                self._repair(self._table.end(), now_s)
-        self._repair(self._table.end(now_s), now_s)
+                self._repair(self.table.end(), now_s)
+        self._repair(self.table.end(now_s), now_s)
 
     def _break(self, fault: BreakRadio | BreakVehicle, now_s: float) -> None:
         if isinstance(fault, BreakRadio):

@@ -74,12 +74,12 @@ def test_faults_of_subjects_change_what_is_captured() -> None:
 def test_lasting_fault_ends_by_itself() -> None:
     active = faults()
     active.apply(Occlude("h1", duration_s=0.5), 10.0)
-    assert active.next_change_s() == 10.5
+    assert active.table.next_change_s() == 10.5
     active.advance(10.499)
     assert active.transform(frame()).bodies[0].occluded
     active.advance(10.5)
     assert not active.transform(frame()).bodies[0].occluded
-    assert active.next_change_s() == math.inf
+    assert active.table.next_change_s() == math.inf
 
 
 def test_lasting_fault_without_duration_stays_until_recovery() -> None:
@@ -181,14 +181,14 @@ def test_fault_of_a_subject_that_is_added_by_the_same_time_table_is_accepted() -
 def test_time_table_leaves_radios_to_others() -> None:
     active = faults()
     active.schedule([TimedFault(0.0, BreakRadio("h1"))], 0.0)
-    assert active.next_change_s() == math.inf
+    assert active.table.next_change_s() == math.inf
 
 
 def test_time_table_is_carried_out_in_its_order() -> None:
     active = faults()
     table = [TimedFault(2.0, Close()), TimedFault(1.0, Burst(3)), TimedFault(2.0, Reset())]
     active.schedule(table, 100.0)
-    assert active.next_change_s() == 101.0
+    assert active.table.next_change_s() == 101.0
     active.advance(100.9)
     assert active.take_pending() == []
     active.advance(101.0)
@@ -202,7 +202,7 @@ def test_duration_of_a_planned_fault_counts_from_its_own_time() -> None:
     active = faults()
     active.schedule([TimedFault(1.0, Silence(duration_s=0.5))], 0.0)
     active.advance(1.2)
-    assert active.next_change_s() == 1.5
+    assert active.table.next_change_s() == 1.5
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def test_broken_radio_mends_by_itself_at_its_end(radios: dict[str, RadioPty]) ->
     for now_s, is_open in ((10.9, True), (11.0, False), (11.4, False), (11.5, True)):
         faults.advance(now_s)
         assert radios["h1"].is_open is is_open
-        assert faults.active == (() if is_open else (fault,))
+        assert faults.table.active == (() if is_open else (fault,))
     assert radios["h2"].is_open
 
 
@@ -58,7 +58,7 @@ def test_broken_radios_stay_so_until_recovery(radios: dict[str, RadioPty]) -> No
     faults.schedule([TimedFault(1.0, Recover()), TimedFault(0.5, Close())], 1e6)
     faults.advance(1e6 + 1)
     assert radios["h1"].is_open
-    assert faults.active == ()
+    assert faults.table.active == ()
 
 
 @pytest.mark.parametrize(
@@ -89,6 +89,6 @@ def test_whatever_was_broken_for_a_time_is_whole_in_the_end(
     faults.schedule(table, 0.0)
     for step in range(50):
         faults.advance(0.25 * step)
-    assert faults.active == ()
+    assert faults.table.active == ()
     assert one.is_open
     one.close()

@@ -47,7 +47,7 @@ def test_a_vehicle_breaks_in_its_time_and_is_sound_afterwards(
         faults.advance(now_s)
         assert plants["h1"].faults == found
         assert plants["h2"].faults == SOUND
-        assert faults.active == ((lasting,) if found != SOUND else ())
+        assert faults.table.active == ((lasting,) if found != SOUND else ())
 
 
 def test_recover_mends_everything(plants: dict[str, Plant]) -> None:
