@@ -9,7 +9,6 @@ from typing import Final
 
 import zenoh
 
-TLS: Final = "tls/"  # prefix of an endpoint at which both ends show a certificate
 QUEUE_SIZE = 16  # batches of 64 kB that wait for one client, the most that Zenoh permits
 LEASE_MS = 1000
 PATIENT_LEASE_MS: Final = 100 * LEASE_MS  # in lockstep, where no process has to be in time

@@ -9,7 +9,7 @@ import time
 
 import zenoh
 
-from rcopterx.bus.endpoints import TLS, Credentials, client_config
+from rcopterx.bus.endpoints import Credentials, client_config
 
 
 def main() -> None:
@@ -17,7 +17,7 @@ def main() -> None:
     order = json.loads(sys.argv[1])
     shown = Credentials(*order["shown"]) if order["shown"] else None
     config = client_config([order["endpoint"]], order["namespace"], 1.0, shown)
-    if order["endpoint"].startswith(TLS) and shown is None:
+    if order["endpoint"].startswith("tls/") and shown is None:
         # It encrypts and trusts the authority, but has no certificate.
         config.insert_json5("transport/link/protocols", json.dumps(["tls"]))
         config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(order["authority"]))
