@@ -33,7 +33,7 @@ from rcopterx.vehicles.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
-
+SUSPENDED: Final = "its path is suspended: resume (rcopterx resume), or send it elsewhere"
 UNSEEN_S: Final = 0.045  # without a pose for so long the thrust of a lift-off rises no further
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -96,7 +96,11 @@ class Pilot:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks for people: the last failures, and what has been replaced."""
-        remarks = [self.vehicle_watch.remark, self.guidance.remark]
+        remarks = [
+            self.vehicle_watch.remark,
+            self.guidance.remark,
+            SUSPENDED if self.guidance.suspended else "",
+        ]
         for guard, stays in (
             (self.step_guard, "; the default controller flies until one is chosen"),
             (self.estimator, "; the default estimator is used until one is chosen"),

@@ -118,6 +118,7 @@ def intent_of(
     """
     time_s = clock.time_s
     path = task.source if isinstance(task.source, set_points.TimedPath) else None
+    suspended = path if isinstance(path, set_points.SuspendedPath) else None
     end_m, end_yaw_rad = task.source.end()
     return Intent(
         lease=lease,
@@ -146,7 +147,8 @@ def intent_of(
         ),
         flown_by=configuration.message,
         previous=None if previous is None else previous.message,
-        path_requested=isinstance(path, set_points.PathReference),
+        path_requested=set_points.PathReference in (type(path), suspended and suspended.kind),
+        rest=None if suspended is None else FloatArray.of(suspended.rest.knots),
         home_m=task.home_m,
     )
 
@@ -159,7 +161,10 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
     )
     if intent.path is not None:
         kind = set_points.PathReference if intent.path_requested else set_points.ProfileTransition
-        source = kind(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
+        path, start_s = FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s
+        source = kind(path, start_s)
+        if intent.rest is not None:
+            source = set_points.SuspendedPath(path, start_s, FlightPath(intent.rest.to_numpy()), kind)
     assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
     joined: frozenset[str] = frozenset()
     if intent.following == tuple(link.leader for link in assigned):

@@ -1,6 +1,6 @@
 """The intent of an agent: all that a successor needs to continue its task."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from msgspec import Struct
 
@@ -18,6 +18,8 @@ from rcopterx.bus.message import (
     Settings,
 )
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
+
+MOST_ADDED: Final = 20  # knots of a way to the beginning of a requested path, and of those to rest and on
 
 
 class OffsetMove(Struct, frozen=True, kw_only=True):
@@ -82,10 +84,13 @@ class Intent(Message, frozen=True, kw_only=True):
     """Control lease of the agent."""
     path_requested: bool = True
     """Whether the path is that of a request `fly`; false for a way to the set point."""
+    rest: FloatArray | None = None
+    """What is left of the path that was suspended, of which `path` is the way to rest."""
     home_m: tuple[Number, Number] | None = None
     """Where the vehicle stood when it took off last, on the floor at `floor_m`: x and y; absent before."""
 
     def check(self) -> None:
         """See `Message.check`."""
-        if self.path is not None:
-            self.path.check("path", KNOT_COLUMNS, MAX_KNOTS, 2)
+        for name, path in (("path", self.path), ("rest", self.rest)):
+            if path is not None:
+                path.check(name, KNOT_COLUMNS, MAX_KNOTS + MOST_ADDED, 2)

@@ -186,6 +186,18 @@ class CommitLeaders(Request, frozen=True, kw_only=True):
     """First frame under the new leaders, on the clock of the poses."""
 
 
+class Suspend(Request, frozen=True, kw_only=True):
+    """Leave the present path at a future frame, and come to rest on it; other requests discard its rest."""
+
+    epoch: Count
+    frame: Count
+    """On the clock of the poses, the same for all vehicles."""
+
+
+class Resume(Suspend, frozen=True, kw_only=True):
+    """Go on with the suspended path at a future frame."""
+
+
 class WithdrawLeaders(Request, frozen=True, kw_only=True):
     """Discard the prepared leaders, unless they have been adopted."""
 
@@ -335,6 +347,8 @@ VERBS: Final = {
         Verb("prepare_leaders", "agent", PrepareLeaders),
         Verb("commit_leaders", "agent", CommitLeaders),
         Verb("withdraw_leaders", "agent", WithdrawLeaders),
+        Verb("suspend", "agent", Suspend),
+        Verb("resume", "agent", Resume),
         Verb("start_vehicle", "launcher", StartVehicle, unit="host"),
         Verb("stop_vehicle", "launcher", StopVehicle, unit="host"),
         Verb("take_vehicle", "launcher", TakeVehicle, unit="host"),

@@ -9,21 +9,24 @@ import numpy as np
 
 from rcopterx.agents.flight.lift_off import Touchdown
 from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.columns import COLUMNS, POSE, POSITION, RATES
 from rcopterx.control.references.paths import PEAK_TO_MEAN_SPEED, FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
     ProfileLimits,
     ReferenceSource,
     SetPointReference,
+    SuspendedPath,
     TimedPath,
     descent,
     smooth_move,
     smooth_way,
+    transition_through,
 )
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import FollowedLeader, LeaderPlan, References, offset_between, references_beside
 from rcopterx.vehicles.phases import AIRBORNE, Effect, Event, Phase, transition
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import YAW, Array, inertial_rates
 
 
 @dataclass(slots=True)
@@ -123,7 +126,7 @@ class Guidance:
             self.events["trajectory_given_up"] += 1
             self.remark = "the transmitter gateway took over: the rest of the trajectory is given up"
             self.hold_here(estimate)
-        else:
+        elif not isinstance(source, SuspendedPath):
             self.task.source = SetPointReference(*source.end())
 
     def set_point(self) -> tuple[Array, float]:
@@ -216,11 +219,46 @@ class Guidance:
         self.remark = ""
         self.task.source = PathReference(path, time_s)
 
+    @property
+    def suspended(self) -> bool:
+        """Whether a path waits to be resumed; every other reference discards it."""
+        return isinstance(self.task.source, SuspendedPath)
+
+    def suspend(self, estimate: Estimate, time_s: float, at_s: float) -> str:
+        """Bring the vehicle to rest on its path, which is left from `at_s` on; return that in words."""
+        source = self.task.source
+        if not self.suspended:
+            path = source if isinstance(source, TimedPath) else self._way_to(*source.end(), estimate, time_s)
+            self.task.source = path.suspended(time_s, at_s) or source
+        return "suspended" if self.suspended else "holds its place, or is about to"
+
+    def _way_to(self, end_m: Array, yaw_rad: float, estimate: Estimate, time_s: float) -> TimedPath:
+        """Return a smooth way from the present motion to a set point."""
+        begin, end = np.zeros((2, COLUMNS))
+        begin[POSE], end[POSE] = estimate.motion[:4], (*end_m, yaw_rad)
+        begin[RATES] = inertial_rates(estimate.motion)
+        way_m = float(np.linalg.norm(end_m - begin[POSITION]))
+        duration_s = PEAK_TO_MEAN_SPEED * way_m / OFFSET_SPEED_M_S
+        return transition_through(time_s, (0.0, begin), (max(duration_s, SHORTEST_TRANSITION_S), end))
+
+    def resume(self, time_s: float, at_s: float) -> str | None:
+        """Go on with the suspended path from `at_s` on; a refusal is returned as its reason."""
+        source = self.task.source
+        if not isinstance(source, SuspendedPath):
+            return "nothing is suspended"
+        if not source.finished(time_s):
+            return "it still comes to rest"
+        self.task.source = source.resumed(at_s)
+        return None
+
     def path_left_s(self, time_s: float) -> float:
-        """Time until the present path ends; 0 without one."""
-        if not isinstance(self.task.source, PathReference):
+        """Time until the present path ends, a suspended one after it is resumed; 0 without one."""
+        source = self.task.source
+        if isinstance(source, SuspendedPath) and source.kind is PathReference:
+            return source.rest.duration_s
+        if not isinstance(source, PathReference):
             return 0.0
-        return max(0.0, self.task.source.start_s + self.task.source.path.duration_s - time_s)
+        return max(0.0, source.start_s + source.path.duration_s - time_s)
 
     def lead(self, estimate: Estimate) -> None:
         """Follow no leader; a flying vehicle holds its place."""

@@ -36,6 +36,18 @@ class FleetClock:
         self.current_frame = frame
         return max(elapsed - coasted, 0)
 
+    def frame_problem(self, epoch: int, frame: int) -> str | None:
+        """Return why nothing can begin at a frame any more; None if it lies ahead."""
+        if epoch != self.epoch:
+            return f"the stream of frames is another one now: epoch {self.epoch}, not {epoch}"
+        if frame <= self.current_frame:
+            return f"frame {frame} has passed, the present one is {self.current_frame}"
+        return None
+
+    def time_of(self, frame: int) -> float:
+        """Return when a frame belongs to the present [s since the first frame]."""
+        return self.time_s + (frame - self.current_frame) * self.period_s
+
     def pass_period(self) -> None:
         """Advance by one frame period."""
         self.time_s += self.period_s

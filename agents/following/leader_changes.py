@@ -64,12 +64,10 @@ class Regrouping:
         prepared = self._present()
         if prepared is None or prepared.operation != request.operation:
             return f"nothing is prepared under {request.operation!r}"
-        if request.epoch != clock.epoch:
-            return f"the stream of frames is another one now: epoch {clock.epoch}, not {request.epoch}"
-        if request.frame <= clock.current_frame:
-            return f"frame {request.frame} has passed, the present one is {clock.current_frame}"
-        self._begins = request.epoch, request.frame
-        return None
+        problem = clock.frame_problem(request.epoch, request.frame)
+        if problem is None:
+            self._begins = request.epoch, request.frame
+        return problem
 
     def withdraw(self, operation: str) -> None:
         """Discard a change."""

@@ -115,6 +115,7 @@ _CHANGES_REFERENCE = (
     requests.Lead,
     requests.Excite,
     requests.CommitLeaders,
+    requests.Suspend,
 )
 
 
@@ -150,6 +151,8 @@ class RequestHandler:
             requests.ReleaseControl: lambda request: reply_of(self.external.release(request.source)),
             requests.CommitLeaders: lambda request: reply_of(self.changes.commit(request)),
             requests.WithdrawLeaders: self._withdraw,
+            requests.Suspend: self._suspend,
+            requests.Resume: self._suspend,
         }
         self._later: dict[type[requests.Request], Callable[[Incoming, Any], None]] = {
             requests.Follow: self.changes.wait,
@@ -271,6 +274,17 @@ class RequestHandler:
     def _withdraw(self, request: requests.WithdrawLeaders) -> requests.Reply:
         self.changes.withdraw(request)
         return reply_of(None)
+
+    def _suspend(self, request: requests.Suspend) -> requests.Reply:
+        """Suspend or resume at the frame of the request."""
+        guidance, clock = self.pilot.guidance, self.pilot.clock
+        problem = guidance.flight_problem() or clock.frame_problem(request.epoch, request.frame)
+        if problem is not None:
+            return reply_of(problem)
+        at_s = clock.time_of(request.frame)
+        if isinstance(request, requests.Resume):
+            return reply_of(guidance.resume(clock.time_s, at_s), "goes on")
+        return reply_of(None, guidance.suspend(self.pilot.estimate, clock.time_s, at_s))
 
     def _excite(self, request: requests.Excite) -> requests.Reply:
         exciter, guidance, clock = self.pilot.exciter, self.pilot.guidance, self.pilot.clock

@@ -111,6 +111,42 @@ def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
     return FlightPath(np.vstack((np.concatenate(([0.0], present)), knots)))
 
 
+EASING_S: Final = 1.5  # time in which a suspended path comes to rest, and later that in which it goes on
+_EASING_KNOTS: Final = 16
+_APART_S: Final = 0.01  # knots that are closer differ by little more than rounding errors
+
+
+def suspended(path: FlightPath, now_s: float, at_s: float) -> tuple[FlightPath, FlightPath] | None:
+    """Split a path: from `now_s` on and, after `at_s`, to rest, and the rest of it, from rest on.
+
+    Both stay on the curve of the path. None if it ends by itself before that.
+    """
+    at_s = max(at_s, now_s + _APART_S)
+    if at_s + EASING_S + _APART_S >= path.duration_s:
+        return None
+    times_s = path.knots[:, 0]
+    until = path.knots[(times_s > now_s + _APART_S) & (times_s < at_s - _APART_S)]
+    after = path.knots[times_s > at_s + EASING_S + _APART_S]
+    first = np.append(now_s, path.sample(np.array([now_s])))
+    stopping = np.vstack((first[None], until, _eased(path, at_s, at_s, 1.0)))
+    rest = np.vstack((_eased(path, at_s + 0.5 * EASING_S, 0.0, 0.0), after))
+    stopping[:, 0] -= now_s
+    rest[_EASING_KNOTS:, 0] -= at_s
+    return FlightPath(stopping), FlightPath(rest)
+
+
+def _eased(path: FlightPath, from_s: float, begin_s: float, pace: float) -> Array:
+    """Return knots from `begin_s` on of a path whose time, `from_s` at first, begins or ceases to pass."""
+    u = np.linspace(0.0, 1.0, _EASING_KNOTS)[:, None]
+    paces, changes, _ = rest_to_rest(np.array([pace]), np.array([1.0 - pace]), u, EASING_S)
+    passed_s = EASING_S * (pace * u + (1.0 - 2.0 * pace) * u**4 * (2.5 + u * (u - 3.0)))
+    samples = path.sample(from_s + passed_s[:, 0])
+    rates, accelerations = samples[:, RATES], samples[:, ACCELERATIONS] * paces**2
+    return np.hstack(
+        (begin_s + EASING_S * u, samples[:, POSE], rates * paces, accelerations + rates * changes)
+    )
+
+
 def run_in_time_s(path: FlightPath, present: Array) -> float:
     """Return the time of a smooth way from the present reference, shape (12,), to the start of a path."""
     first = path.knots[0, 1:]

@@ -17,7 +17,13 @@ from rcopterx.control.references.columns import (
     X_RATE,
     YAW,
 )
-from rcopterx.control.references.paths import PEAK_TO_MEAN_SPEED, FlightPath, quintic, quintic_jerk
+from rcopterx.control.references.paths import (
+    PEAK_TO_MEAN_SPEED,
+    FlightPath,
+    quintic,
+    quintic_jerk,
+    suspended,
+)
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import Array, Z
 from rcopterx.vehicles.tuples import Three
@@ -81,6 +87,11 @@ class TimedPath(Struct, frozen=True):
         end = self.path.knots[-1, 1:]
         return end[POSITION], float(end[YAW])
 
+    def suspended(self, time_s: float, at_s: float) -> "SuspendedPath | None":
+        """Return the path, suspended `at_s`; None if it ends before. `time_s`: present time."""
+        parts = suspended(self.path, time_s - self.start_s, at_s - self.start_s)
+        return None if parts is None else SuspendedPath(parts[0], time_s, parts[1], type(self))
+
 
 class PathReference(TimedPath, frozen=True):
     """A trajectory that was requested."""
@@ -88,6 +99,17 @@ class PathReference(TimedPath, frozen=True):
 
 class ProfileTransition(TimedPath, frozen=True):
     """A smooth way to a set point."""
+
+
+class SuspendedPath(TimedPath, frozen=True):
+    """The way to rest on a path that was suspended, and what is left of it."""
+
+    rest: FlightPath
+    kind: type[TimedPath]  # of the path that was suspended
+
+    def resumed(self, at_s: float) -> TimedPath:
+        """Return what is left, from a time on."""
+        return self.kind(self.rest, at_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,14 @@ class PageSteering:
         names = None if name is None else [name]
         self.run(f"way home of {name or 'all'}", lambda: self._fleet.home(names), "home")
 
+    def suspend(self) -> None:
+        """Let all vehicles come to rest on their ways."""
+        self.run("suspension", self._fleet.suspend, "suspended")
+
+    def resume(self) -> None:
+        """Let all vehicles go on from where they were suspended."""
+        self.run("resumption", self._fleet.resume, "going on")
+
     def kill(self) -> None:
         """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
         try:
@@ -177,7 +185,7 @@ class PageSteering:
 
 ALLOWED: Final = (
     "kill", "take_off", "home", "land", "reset", "move", "go_to", "follow", "formation", "promote",
-    "use_controller", "weigh", "fly_through",
+    "use_controller", "weigh", "fly_through", "suspend", "resume",
 )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rcopterx.bus.requests import Resume, Suspend
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
@@ -132,6 +133,24 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 raise next(iter(refused.values()))
             waiting = {name: waiting[name] for name in refused}
         return lines
+
+    def suspend(self) -> list[str]:
+        """Let all vehicles in the air come to rest on their ways, at one frame; followers with their leaders.
+
+        Trajectories and ways to set points wait for `resume`; a new task of a vehicle discards its own.
+        Returns a line for each vehicle that leads. Raises `RefusedError`: none does, or all refuse.
+        """
+        return self._pause(Suspend)
+
+    def resume(self) -> list[str]:
+        """Let all vehicles go on from where they were suspended, at one frame; as `suspend`."""
+        return self._pause(Resume)
+
+    def _pause(self, kind: type[Suspend]) -> list[str]:
+        from rcopterx.ground_station.scripting.regroup import pause
+
+        self.wait_for_status()
+        return pause(self, kind)
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles and wait until agents and firmware report it; those that do not are disarmed."""

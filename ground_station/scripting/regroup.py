@@ -7,13 +7,13 @@ Commits go to leaders before their followers, so that no cycle appears even if t
 
 import math
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
-from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, Suspend, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.formation import topology
 from rcopterx.formation.shapes import formation_links
@@ -95,13 +95,10 @@ def regroup(
     try:
         for name, following in change.items():
             _request(fleet, name, _preparation(operation, following, where.get(name)))
-        plans = {name: _plan(fleet, name) for name in change}
-        newest = max(plans.values(), key=lambda plan: (plan.epoch, plan.frame))
-        lead_s = LEAD_TIME_S + LEAD_TIME_PER_VEHICLE_S * len(change)
-        frame = newest.frame + math.ceil(lead_s / fleet.frame_period_s(newest.source))
+        epoch, frame = _frame_ahead(fleet, change)
         committing = True
         for name in change:
-            commit = CommitLeaders(operation=operation, epoch=newest.epoch, frame=frame)
+            commit = CommitLeaders(operation=operation, epoch=epoch, frame=frame)
             _request(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
             uncommitted.remove(name)
     except (RefusedError, RequestFailedError) as error:
@@ -118,6 +115,27 @@ def regroup(
         raise RefusedError(f"{', '.join(late)} did not change leaders; all vehicles are as before")
     if late:
         raise RefusedError(f"{', '.join(late)} did not change leaders")
+
+
+def _frame_ahead(fleet: Observer, names: Collection[str]) -> tuple[int, int]:
+    """Return epoch and number of a frame that lies ahead when the last of these vehicles has answered."""
+    newest = max((_plan(fleet, name) for name in names), key=lambda plan: (plan.epoch, plan.frame))
+    lead_s = LEAD_TIME_S + LEAD_TIME_PER_VEHICLE_S * len(names)
+    return newest.epoch, newest.frame + math.ceil(lead_s / fleet.frame_period_s(newest.source))
+
+
+def pause(fleet: Observer, kind: type[Suspend]) -> list[str]:
+    """Let all vehicles that fly and lead suspend or resume their paths at one frame; see `Fleet.suspend`."""
+    statuses = fleet.statuses()
+    leading = [name for name, each in statuses.items() if each.phase == "flying" and not each.assigned]
+    if not leading:
+        raise RefusedError("no vehicle that leads is in the air")
+    epoch, frame = _frame_ahead(fleet, leading)
+    replies = {name: fleet.session.request(name, kind(epoch=epoch, frame=frame)) for name in leading}
+    lines = [f"{name}: {reply.reason}" for name, reply in replies.items()]
+    if not any(reply.accepted for reply in replies.values()):
+        raise RefusedError("; ".join(lines))
+    return lines
 
 
 def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array | None) -> PrepareLeaders:

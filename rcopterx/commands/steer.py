@@ -196,6 +196,18 @@ def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
         typer.echo("landed")
 
 
+def suspend(fleet: RunningFleetOption = None) -> None:
+    """Let all vehicles come to rest on their ways, at one frame, until resume."""
+    with running_fleet(fleet) as running:
+        typer.echo("\n".join(running.suspend()))
+
+
+def resume(fleet: RunningFleetOption = None) -> None:
+    """Let all vehicles go on from where they were suspended, at one frame."""
+    with running_fleet(fleet) as running:
+        typer.echo("\n".join(running.resume()))
+
+
 def home(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Fly back to where the vehicles took off, clear of each other, and land there."""
     with running_fleet(fleet, vehicles) as running:

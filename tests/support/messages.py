@@ -30,6 +30,7 @@ COLUMNS = {
     "inputs": (1, 6, 4),
     "knots": (2, 6, requests.KNOT_COLUMNS),
     "path": (2, 6, requests.KNOT_COLUMNS),
+    "rest": (2, 6, requests.KNOT_COLUMNS),
 }
 """Fewest rows, most rows and columns of the matrices, by field."""
 

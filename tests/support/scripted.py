@@ -34,6 +34,8 @@ VERBS = [
     "lead",
     "excite",
     "tune",
+    "suspend",
+    "resume",
 ]
 NEXT_PHASE = {"arm": "armed", "take_off": "flying", "land": "armed", "disarm": "ground", "kill": "ground"}
 NEXT_STATE = {"arm": "armed", "disarm": "disarmed", "kill": "killed", "reset": "disarmed"}

@@ -1,4 +1,4 @@
-/** KILL by button and space bar, repeated until it is accepted; take-off, way home, landing and reset of the fleet. */
+/** KILL by button and space bar, repeated until it is accepted; take-off, suspension, way home, landing and reset of the fleet. */
 import { isConnected, link, request, send } from './link.js';
 
 const AGAIN_MS = 100, TRIED_MS = 10000;

@@ -21,6 +21,7 @@ from rcopterx.control.references.set_points import (
     ProfileLimits,
     ReferenceSource,
     SetPointReference,
+    SuspendedPath,
     smooth_move,
     smooth_way,
 )
@@ -47,12 +48,15 @@ def sources(draw: st.DrawFn) -> ReferenceSource:
     knots = np.array([[0.0, *present], [draw(durations), *end_m, yaw_rad, *np.zeros(8)]])
     limits = ProfileLimits(3 * (1.0,), 3 * (1.0,), 3 * (9.0,))
     way = smooth_way(limits, end_m, yaw_rad, SetPointReference(start_m, 0.0), begun_s)
+    trajectory = PathReference(FlightPath(knots), begun_s)
+    suspended = draw(st.sampled_from((trajectory, way))).suspended(begun_s + 0.1, begun_s + 0.4)
     return draw(
         st.sampled_from(
             [
                 SetPointReference(end_m, yaw_rad),
                 smooth_move(start_m, end_m, yaw_rad, begun_s, 1.0),
-                PathReference(FlightPath(knots), begun_s),
+                trajectory,
+                suspended or way,
                 way,
             ]
         )
@@ -112,6 +116,10 @@ def test_references_and_offsets_go_on_as_if_nothing_had_happened(
     assert (restored.phase, restored.joined, restored.floor_m) == (task.phase, task.joined, task.floor_m)
     assert restored.interrupted is task.interrupted
     assert restored.home_m == task.home_m
+    if isinstance(task.source, SuspendedPath):
+        assert isinstance(restored.source, SuspendedPath)
+        assert restored.source.kind is task.source.kind
+        assert restored.source.rest.knots == pytest.approx(task.source.rest.knots, abs=1e-5)
 
 
 def plan(yaw_rad: float) -> LeaderPlan:

@@ -196,6 +196,16 @@ def test_vehicles_come_home_together_or_one_of_them(opened: Opened, fleet: Fleet
     assert opened.notices == [("home", False)] * 2
 
 
+def test_vehicles_are_suspended_and_go_on(opened: Opened, fleet: Fleet, vehicles: Vehicles) -> None:
+    opened.do("suspend")
+    assert opened.notices == [("no vehicle that leads is in the air", True)]
+    fly(fleet, vehicles)
+    opened.do("suspend")
+    opened.do("resume")
+    assert vehicles["h1"].verbs[-2:] == ["Suspend", "Resume"]
+    assert opened.notices[1:] == [("suspended", False), ("going on", False)]
+
+
 def test_a_leader_that_is_chosen_is_followed_from_where_the_vehicle_is(
     opened: Opened, fleet: Fleet, vehicles: Vehicles
 ) -> None:
