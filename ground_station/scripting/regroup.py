@@ -58,6 +58,8 @@ def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     _expect_flying(statuses, name)
     links, _ = topology.formation_of(statuses)
     heads = topology.roots(links, name)
+    if not heads:
+        raise RefusedError(f"the leaders of {name} are changing; try again")
     if heads == (name,):
         raise RefusedError(f"{name} leads already")
     if len(heads) > 1:

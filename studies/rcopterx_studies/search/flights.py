@@ -22,6 +22,8 @@ STOP: Final = "stop"  # it takes no turns for `seconds`
 IMPAIR: Final = "impair"  # for `seconds` messages are lost, doubled, or late by up to `late_s`
 UP: Final = "up"  # all vehicles of `names` are armed, and take off
 PROMOTE: Final = "promote"  # a vehicle becomes the leader of all
+PAUSE: Final = "pause"  # all come to rest on their ways
+GO_ON: Final = "go on"
 TYPES: Final = ("coaxial", "betaflight")
 SECONDS: Final = 13.0  # in which things happen
 FLOWN_S: Final = 8.0  # shortest flight
@@ -105,7 +107,7 @@ def read_flight(path: Path) -> Flight:
     """Read a flight; raises `OSError` and `msgspec.MsgspecError`."""
     flight = msgspec.json.decode(path.read_bytes(), type=Flight)
     for happening in flight.happenings:
-        if happening.verb not in (END, STOP, IMPAIR, UP, PROMOTE):
+        if happening.verb not in (END, STOP, IMPAIR, UP, PROMOTE, PAUSE, GO_ON):
             request_of(happening)
     return flight
 
@@ -175,6 +177,10 @@ def _promotion(chance: random.Random, names: list[str]) -> Drawn:
     return PROMOTE, chance.choice(names), {}
 
 
+def _pause(chance: random.Random, _: list[str]) -> Drawn:
+    return chance.choice((PAUSE, GO_ON)), "", {}
+
+
 def _kill(chance: random.Random, names: list[str]) -> Drawn:
     return chance.choice(("kill", "reset")), chance.choice(names), {}
 
@@ -223,7 +229,7 @@ OF_SUBJECT: Final = (
 )  # fmt: skip
 POSE_FAULTS: Final = (*OF_SUBJECT, "silence", "freeze", "delay", "skip_frames", "add_noise")
 KINDS: Final[Mapping[Callable[[random.Random, list[str]], Drawn], float]] = {
-    _request: 6.0, _promotion: 2.0, _kill: 0.5, _process: 4.0, _messages: 2.0, _pose: 2.0, _radio: 0.7,
+    _request: 6.0, _promotion: 2.0, _pause: 1.0, _kill: 0.5, _process: 4.0, _messages: 2.0, _pose: 2.0, _radio: 0.7,
     _tracker: 1.0,
 }  # fmt: skip
 """What may happen, with its weight."""

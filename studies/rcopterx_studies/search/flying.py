@@ -83,8 +83,12 @@ class _Flier:
             if watch.findings:
                 break
             watch.note(happening, clock())
-            with suppress(*FLIGHT_ERRORS):
+            try:
                 self._happen(fleet, happening)
+            except FLIGHT_ERRORS:
+                pass  # a refusal
+            except Exception as error:  # noqa: BLE001 - a promise is broken
+                watch.find("exception", clock(), f"{happening.verb} of {happening.unit}: {error!r}")
         self._wait(fleet, began_s + self._flight.seconds)
         if not watch.findings:
             self._process.turns.bus.travel = None
@@ -107,6 +111,10 @@ class _Flier:
                     fleet[name].take_off(fields["height_m"])
             case flights.PROMOTE:
                 fleet.promote(unit)
+            case flights.PAUSE:
+                fleet.suspend()
+            case flights.GO_ON:
+                fleet.resume()
             case flights.END:
                 participant.kill(unit)
             case flights.STOP:

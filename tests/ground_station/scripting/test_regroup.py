@@ -226,6 +226,12 @@ def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
         formation_leader(two, "h3")
 
 
+def test_a_formation_whose_statuses_are_from_before_and_after_a_change_has_no_head() -> None:
+    turning = {"h1": status((link("h2", 1.0),)), "h2": status((link("h1", -1.0),))}
+    with pytest.raises(RefusedError, match="the leaders of h2 are changing; try again"):
+        formation_leader(turning, "h2")
+
+
 def test_vehicles_get_the_places_of_a_formation_in_order_or_by_the_shortest_ways() -> None:
     fleet = {
         "h1": hovering((0.0, 0.0, 1.0)),
