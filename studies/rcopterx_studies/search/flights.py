@@ -24,6 +24,7 @@ UP: Final = "up"  # all vehicles of `names` are armed, and take off
 PROMOTE: Final = "promote"  # a vehicle becomes the leader of all
 PAUSE: Final = "pause"  # all come to rest on their ways
 GO_ON: Final = "go on"
+OWN_VERBS: Final = frozenset({END, STOP, IMPAIR, UP, PROMOTE, PAUSE, GO_ON})
 TYPES: Final = ("coaxial", "betaflight")
 SECONDS: Final = 13.0  # in which things happen
 FLOWN_S: Final = 8.0  # shortest flight
@@ -107,7 +108,7 @@ def read_flight(path: Path) -> Flight:
     """Read a flight; raises `OSError` and `msgspec.MsgspecError`."""
     flight = msgspec.json.decode(path.read_bytes(), type=Flight)
     for happening in flight.happenings:
-        if happening.verb not in (END, STOP, IMPAIR, UP, PROMOTE, PAUSE, GO_ON):
+        if happening.verb not in OWN_VERBS:
             request_of(happening)
     return flight
 
@@ -229,7 +230,7 @@ OF_SUBJECT: Final = (
 )  # fmt: skip
 POSE_FAULTS: Final = (*OF_SUBJECT, "silence", "freeze", "delay", "skip_frames", "add_noise")
 KINDS: Final[Mapping[Callable[[random.Random, list[str]], Drawn], float]] = {
-    _request: 6.0, _promotion: 2.0, _pause: 1.0, _kill: 0.5, _process: 4.0, _messages: 2.0, _pose: 2.0, _radio: 0.7,
-    _tracker: 1.0,
+    _request: 5.0, _pause: 1.0, _promotion: 2.0, _kill: 0.5, _process: 4.0, _messages: 2.0, _pose: 2.0,
+    _radio: 0.7, _tracker: 1.0,
 }  # fmt: skip
 """What may happen, with its weight."""

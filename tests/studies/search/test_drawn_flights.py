@@ -14,9 +14,7 @@ from rcopterx.bus.requests import VERBS, Inject
 from rcopterx.simulator.faults import timed_faults
 from rcopterx_studies.search.flights import (
     END,
-    IMPAIR,
-    PROMOTE,
-    STOP,
+    OWN_VERBS,
     UP,
     Flight,
     Happening,
@@ -27,8 +25,6 @@ from rcopterx_studies.search.flying import impaired
 from rcopterx_studies.search.guiding import Guide, varied
 from rcopterx_studies.search.shrinking import shrunk
 from rcopterx_studies.search.watch import excuses_of
-
-OWN_VERBS = {END, STOP, IMPAIR, UP, PROMOTE}
 
 
 @pytest.mark.parametrize("seed", range(40))

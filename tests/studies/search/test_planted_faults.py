@@ -134,7 +134,7 @@ def test_a_fault_that_the_search_found_is_found_again(planted: Planted, found: s
 @pytest.mark.parametrize(
     ("planted", "seed", "promise"),
     [
-        (disarmed_in_the_air, 157, "touchdown"),
+        (disarmed_in_the_air, 122, "touchdown"),
         (kill_ignored, 179, "kill"),
         (flight_forgotten, 14, "touchdown"),
         (never_armed_again, 526, "flies on"),
