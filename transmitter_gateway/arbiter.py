@@ -19,6 +19,7 @@ from rcopterx.transmitter_gateway.command_validator import (
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     FOR_OPERATORS,
+    ON_THE_WAY_DOWN,
     THRUST,
     Action,
     ActionRequest,
@@ -38,8 +39,6 @@ from rcopterx.transmitter_gateway.standing import Standing
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 from rcopterx.vehicles.lift_off import LiftOffProof, SeenPose
-
-ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
 class Arbiter:
@@ -353,10 +352,9 @@ class Arbiter:
             self.pose_monitor.release()
         if row.target in ON_THE_WAY_DOWN and self.state not in ON_THE_WAY_DOWN:
             self._landing_since_s = now_s
-        self.state = row.target
-        self._entered_s = now_s
-        sunk_s, descended_s = self.limits.descents_s(self.pose_monitor.height_m(self._floor_m))
-        self._sunk_s, self._descended_s = now_s + sunk_s, now_s + descended_s
+        self.state, self._entered_s = row.target, now_s
+        descents_s = self.limits.descents_s(self.pose_monitor.height_m(self._floor_m))
+        self._sunk_s, self._descended_s = (now_s + duration_s for duration_s in descents_s)
         self.counters[f"entered {row.target}"] += 1
 
     # Output -------------------------------------------------------------------------------------------
@@ -389,8 +387,7 @@ class Arbiter:
     def _found_event_s(self) -> float:
         if self.state not in FLYING:
             return math.inf
-        limits = self.limits
-        times = self.pose_monitor.next_event_s()
+        limits, times = self.limits, self.pose_monitor.next_event_s()
         if (stream := self._stream()) is not None:
             times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:

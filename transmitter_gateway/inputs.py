@@ -25,6 +25,7 @@ class State(StrEnum):
 
 NAMES = {state: state.value.lower() for state in State}  # states as messages call them
 FLYING = frozenset({State.ARMED, State.HOLD, State.LAND, State.DESCEND})
+ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
 class LinkState(Enum):
