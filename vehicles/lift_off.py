@@ -45,6 +45,7 @@ FASTEST_M_S: Final = 1.5
 STANDING_WEIGHT: Final = 0.1  # of a new pose in the mean of where the vehicle stands
 MAT_M: Final = 0.02  # by so much a vehicle may rise from a soft mat under a rotor that does not lift it
 OTHER_AVERAGED: Final = 3  # poses in the mean height of another vehicle
+JUMPED: Final = "its pose jumped"  # after that it may be of another body, or in other axes
 NOT_RISEN: Final = (
     "its pose did not rise: charge its battery, raise hover_thrust, or is its subject another body?"
 )
@@ -248,7 +249,7 @@ class LiftOffProof:
         falling_m = 0.5 * GRAVITY_M_S2 * elapsed_s**2 - self._climb_m_s * elapsed_s
         dropped = elapsed_s < DROPPED_S and last_m[2] - position_m[2] > DROP_M + falling_m
         if jumped or dropped:
-            self._end("its pose jumped")
+            self._end(JUMPED)
 
     def _follow(self, stands_m: float) -> None:
         """Estimate height and climb rate from the newest poses."""
@@ -278,7 +279,7 @@ class LiftOffProof:
         x, y = (math.fsum(place[axis] for _, place in self._newest) / len(self._newest) for axis in (0, 1))
         if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
-        if pose.tilt_rad is not None and stands.tilt_rad is not None:
+        if pose.tilt_rad is not None and stands.tilt_rad is not None and self.problem != JUMPED:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")
