@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Final, Generic, NamedTuple, TypeVar, get_args
 
-from msgspec import Meta, Struct, ValidationError, convert, to_builtins
+from msgspec import Meta, Struct, ValidationError, convert
 from msgspec.structs import asdict
 
 from rcopterx.bus.message import Place, Seconds, Stick, Three
@@ -234,11 +234,6 @@ class TimedFault(Struct, frozen=True, forbid_unknown_fields=True):
 
     at_s: Annotated[float, Meta(ge=0, le=86_400)]  # when it begins, counted from the arrival of the request
     fault: Fault
-
-
-def injected_faults(table: Iterable[TimedFault]) -> tuple[InjectedFault, ...]:
-    """Lines of a scenario as a request carries them."""
-    return tuple(InjectedFault(line.at_s, to_builtins(line.fault)) for line in table)
 
 
 def timed_faults(lines: Iterable[InjectedFault]) -> tuple[TimedFault, ...]:

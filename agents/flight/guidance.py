@@ -237,8 +237,7 @@ class Guidance:
         begin, end = np.zeros((2, COLUMNS))
         begin[POSE], end[POSE] = estimate.motion[:4], (*end_m, yaw_rad)
         begin[RATES] = inertial_rates(estimate.motion)
-        way_m = float(np.linalg.norm(end_m - begin[POSITION]))
-        duration_s = PEAK_TO_MEAN_SPEED * way_m / OFFSET_SPEED_M_S
+        duration_s = PEAK_TO_MEAN_SPEED * float(np.linalg.norm(end_m - begin[POSITION])) / OFFSET_SPEED_M_S
         return transition_through(time_s, (0.0, begin), (max(duration_s, SHORTEST_TRANSITION_S), end))
 
     def resume(self, time_s: float, at_s: float) -> str | None:

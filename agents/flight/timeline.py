@@ -44,10 +44,6 @@ class FleetClock:
             return f"frame {frame} has passed, the present one is {self.current_frame}"
         return None
 
-    def time_of(self, frame: int) -> float:
-        """Return when a frame belongs to the present [s since the first frame]."""
-        return self.time_s + (frame - self.current_frame) * self.period_s
-
     def pass_period(self) -> None:
         """Advance by one frame period."""
         self.time_s += self.period_s

@@ -281,7 +281,7 @@ class RequestHandler:
         problem = guidance.flight_problem() or clock.frame_problem(request.epoch, request.frame)
         if problem is not None:
             return reply_of(problem)
-        at_s = clock.time_of(request.frame)
+        at_s = clock.time_s + (request.frame - clock.current_frame) * clock.period_s
         if isinstance(request, requests.Resume):
             return reply_of(guidance.resume(clock.time_s, at_s), "goes on")
         return reply_of(None, guidance.suspend(self.pilot.estimate, clock.time_s, at_s))

@@ -4,7 +4,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, suppress
 from functools import partial
@@ -12,11 +12,13 @@ from typing import Final, TypeVar
 
 from msgspec.structs import replace
 
+from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR
 from rcopterx.bus.clock import Clock
 from rcopterx.bus.processes import RECORDER, ROLES, ROUTER, SERVICES, SIMULATOR
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.compiling.cache import compile_all
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.fleet_check import check_in_process
 from rcopterx.deploy.hosts.capacity import CapacityMeasurement, HostCapacity
 from rcopterx.deploy.hosts.checkpoint import CheckpointService
@@ -35,16 +37,42 @@ from rcopterx.deploy.hosts.run_directory import (
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts, Step
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
-from rcopterx.deploy.processes.preloading import modules_of
 from rcopterx.deploy.processes.process_log import LauncherLog
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec, agent_process, processes_of
 from rcopterx.deploy.roles.addresses import bus_address, clock_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
+from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile, WatchdogConfig
 from rcopterx.flights.flights import new_flight_name
+
+
+def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
+    """Modules that the fork server imports for these processes."""
+    modules = ["rcopterx.deploy.roles.run"]
+    for spec in specs:
+        modules.append(f"rcopterx.deploy.roles.{spec.role}")
+        # What these import at their start only in some fleets.
+        if spec.role == "router" and len(fleet.hosts) > 1:
+            modules.append("rcopterx.bus.links")
+        if spec.role == "router" and fleet.security.certificates is not None:
+            modules.append("rcopterx.deploy.certificates.seats")
+        if spec.role == "tracker" and fleet.tracker.brand != "vicon":
+            modules.append("rcopterx.vicon_gateway.brands")
+        if spec.role == "transmitters":
+            # Libraries of some take half a second.
+            modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
+        if spec.role == "agent":
+            control = fleet.vehicles[spec.unit].control
+            built_in = (
+                *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
+                *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
+            )
+            modules += filter(None, built_in)
+    return list(dict.fromkeys(modules))
+
 
 T = TypeVar("T")
 

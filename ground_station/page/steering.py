@@ -13,8 +13,8 @@ from msgspec import Meta, Struct
 from rcopterx.bus.message import Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.shapes import ShapeName
-from rcopterx.ground_station.geometry import link_to
 from rcopterx.ground_station.page.guard import RequestRejectedError
+from rcopterx.ground_station.page.view import link_to
 from rcopterx.ground_station.page.weights import GROUPS, Weights
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, Vehicle

@@ -5,20 +5,40 @@ from collections.abc import Mapping, Reversible, Sequence
 from itertools import cycle
 from typing import Final
 
+import msgspec
 import numpy as np
 
-from rcopterx.bus.messages import Plan
+from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.shapes import SHAPES
+from rcopterx.formation.topology import station
 from rcopterx.ground_station.events import EventLine
-from rcopterx.ground_station.geometry import place_beside
 from rcopterx.ground_station.page.history import SIGNALS
 from rcopterx.ground_station.page.sentences import battery, chip, learned, radio, suggestions
 from rcopterx.ground_station.page.weights import GROUPS
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
+from rcopterx.vehicles.state import three, turned_about_z
+
+
+def place_beside(
+    link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
+) -> tuple[float, float, float]:
+    """Place of a follower in the inertial frame [m]."""
+    return three(station([link], [np.array([*leader_m, leader_yaw_rad])])[:3])
+
+
+def link_to(
+    link: LeaderLink, place_m: Sequence[float], leader_m: Sequence[float], leader_yaw_rad: float
+) -> LeaderLink:
+    """Link that puts its follower at a place [m]; the inverse of `place_beside`."""
+    away = np.array(place_m, dtype=float) - np.array(leader_m, dtype=float)
+    x, y, z = turned_about_z(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
+    offset_m = (round(float(x), 3), round(float(y), 3), round(float(z), 3))
+    return msgspec.structs.replace(link, offset_m=offset_m)
+
 
 PLAN_POINTS: Final = 25
 COLOURS: Final = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2")  # in turn

@@ -3,28 +3,29 @@
 import math
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import chain, groupby, pairwise
 from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Diagnostics, Plan, Pose
 from rcopterx.control.interfaces import Measurement
 from rcopterx.formation.topology import station
-from rcopterx.ground_station.report.frames import epoch_offsets, restart_offsets, shifted
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.vehicles.state import Array
 
+F = TypeVar("F", LaboratoryState, Pose, Plan, Applied)
 M = TypeVar("M", bound=Message)
 S = TypeVar("S", Pose, Plan, Applied)
 
@@ -34,6 +35,30 @@ TO_COMMAND = {"gateway", "agent", "solver", "command"}  # stages from the Vicon 
 SETTLED_S = 3.0  # a vehicle that leads shall have reached its set point this long after it changed
 AT_REST_M = 0.001
 LONGEST_LATENCY_MS = 1000.0  # events that are further apart do not belong together
+
+
+def restart_offsets(frames: Iterable[int]) -> list[int]:
+    """What to add to each of these frame numbers, in order, so that they continue after a jump back."""
+    offsets, offset = [], 0
+    for before, frame in pairwise((0, *frames)):
+        if frame < before:
+            offset += before + 1 - frame
+        offsets.append(offset)
+    return offsets
+
+
+def epoch_offsets(poses: Iterable[Pose], true_offsets: Sequence[int]) -> Mapping[int, int]:
+    """What to add to frame numbers of each epoch; those of the simulated laboratory have `true_offsets`."""
+    stamps = sorted({(pose.epoch, pose.frame) for pose in poses})
+    offsets = restart_offsets(frame for _, frame in stamps)
+    # States of the laboratory have no epoch, but as many restarts, at frames that may have no pose.
+    true = dict(zip(dict.fromkeys(offsets), dict.fromkeys(true_offsets), strict=False))
+    return {epoch: true.get(offset, offset) for (epoch, _), offset in zip(stamps, offsets, strict=True)}
+
+
+def shifted(message: F, offset: int) -> F:
+    """Return a message with `offset` added to its frame number."""
+    return structs.replace(message, frame=message.frame + offset) if offset else message
 
 
 class FlightFigures:

@@ -1,19 +1,68 @@
 """A recorded flight as its page showed it: what the page's scripts received, at one time after another."""
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, TypeVar
 
 from msgspec import Raw
 from msgspec.json import encode
 
 from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.message import Message
 from rcopterx.bus.session import RawMessage
+from rcopterx.bus.subscription import Inbox, Units
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.page.history import SAMPLE_S
 from rcopterx.ground_station.page.sentences import Words
 from rcopterx.ground_station.page.shown import FleetShown
-from rcopterx.ground_station.report.logged_bus import LoggedBus
 from rcopterx.ground_station.scripting.reader import Reader
+
+M = TypeVar("M", bound=Message)
+
+
+class LoggedBus:
+    """Messages in order of arrival, up to a time [s]; see `rcopterx.bus.subscription.Source`.
+
+    Times count from `started_s` on the clock of the recording.
+    """
+
+    def __init__(self, records: Iterable[RawMessage], started_s: float) -> None:
+        self._records, self._started_s = iter(records), started_s
+        self._next = next(self._records, None)
+        self._units: dict[str, list[Units[Any]]] = {}
+        self._now_s = 0.0
+
+    def clock(self) -> float:
+        """Return the time up to which messages have arrived."""
+        return self._now_s
+
+    def subscribe(self, channel: Channel[M], unit: str) -> Inbox[M]:
+        """Receive a channel of one unit."""
+        inbox = self.subscribe_all(channel).inboxes[unit] = Inbox(channel, unit=unit)
+        return inbox
+
+    def subscribe_all(
+        self,
+        channel: Channel[M],
+        depth: int = 1,
+        *,
+        waking: bool = True,  # noqa: ARG002 - no loop waits
+    ) -> Units[M]:
+        """Receive a channel of every unit."""
+        units = Units(channel, depth)
+        self._units.setdefault(channel.topic, []).append(units)
+        return units
+
+    def advance(self, now_s: float) -> bool:
+        """Let messages arrive up to a time; return whether there are later ones."""
+        self._now_s = now_s
+        while self._next is not None and (arrived_s := self._next.arrived_s - self._started_s) <= now_s:
+            for units in self._units.get(self._next.topic, ()):
+                if (inbox := units.inbox(self._next.unit)) is not None:
+                    inbox.store(self._next.payload, arrived_s)
+            self._next = next(self._records, None)
+        return self._next is not None
+
 
 MAX_STATES: Final = 7500  # of all vehicles at all steps, about a megabyte: a longer flight has longer steps
 SILENT: Final = Words("no process of the fleet reports", "off")

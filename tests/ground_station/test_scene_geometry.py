@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.geometry import link_to, place_beside
+from rcopterx.ground_station.page.view import link_to, place_beside
 
 COORDINATE = st.floats(-5.0, 5.0)
 PLACE = st.tuples(COORDINATE, COORDINATE, COORDINATE)

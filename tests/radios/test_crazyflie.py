@@ -7,10 +7,13 @@ from hypothesis import strategies as st
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import (
     FRAMES_PER_REQUEST,
+    LONGEST_LINE,
+    REARMING_S,
+    SILENT_S,
     CrazyflieProtocol,
     CrazyflieSettings,
+    FirmwareReports,
 )
-from rcopterx.radios.crazyflie_reports import LONGEST_LINE, REARMING_S, SILENT_S, FirmwareReports
 from rcopterx.radios.protocol import FrameFlags, ProtocolError
 from rcopterx.radios.set_points import AttitudeSetPoint
 

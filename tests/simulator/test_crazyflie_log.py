@@ -13,7 +13,7 @@ from rcopterx.radios.crazyflie_battery import (
     TABLE_CHANNEL,
 )
 from rcopterx.radios.crtp import Packet
-from rcopterx.simulator.crazyflie_log import NO_SUCH, TABLE, CrazyflieLog
+from rcopterx.simulator.crazyflie import NO_SUCH, TABLE, CrazyflieLog
 
 
 @pytest.mark.parametrize(

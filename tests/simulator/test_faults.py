@@ -16,9 +16,9 @@ from rcopterx.simulator.faults import (
     Freeze,
     SetQuality,
     TimedFault,
-    injected_faults,
     timed_faults,
 )
+from rcopterx_studies.faults.scenario import injected_faults
 
 
 @pytest.mark.parametrize("kind", FAULTS)

@@ -15,8 +15,7 @@ from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG
 from rcopterx.radios.crtp import Packet
-from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.simulator.crazyflie_log import EMPTY_V, ENDURANCE_S, FULL_V
+from rcopterx.simulator.crazyflie import EMPTY_V, ENDURANCE_S, FULL_V, Crazyflie
 from rcopterx.transmitter_gateway.battery import PATIENCE_S, BatteryWatch
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 

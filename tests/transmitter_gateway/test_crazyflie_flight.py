@@ -3,8 +3,7 @@
 import pytest
 from firmware_bench import FirmwareBench
 
-from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
-from rcopterx.radios.crazyflie_reports import FALL_BACKS
+from rcopterx.radios.crazyflie import FALL_BACKS, CrazyflieProtocol, CrazyflieSettings
 from rcopterx.simulator.crazyflie import BOOT_S, Crazyflie
 from rcopterx.simulator.crazyflie_supervisor import (
     LEVEL_AFTER_S,

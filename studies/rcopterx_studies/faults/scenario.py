@@ -1,18 +1,18 @@
 """Faults for the simulated laboratory: parsed from text and files, sent to the simulator."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import msgspec
 
 from rcopterx.bus.channels import SIMULATOR_UNIT
-from rcopterx.bus.requests import MAX_FAULTS, Inject
+from rcopterx.bus.requests import MAX_FAULTS, Inject, InjectedFault
 from rcopterx.bus.session import Session
 from rcopterx.fleet.reading import converted, table_of, text_of
 from rcopterx.fleet.schema import FleetError, errors_at
-from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
+from rcopterx.simulator.faults import FAULTS, Fault, TimedFault
 from rcopterx.user_text import similar
 
 
@@ -26,6 +26,11 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     if kind not in FAULTS:
         raise FleetError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}{similar(kind, FAULTS)}")
     return cast(Fault, converted({"kind": kind, **values}, FAULTS[kind], kind, strict=False))
+
+
+def injected_faults(table: Iterable[TimedFault]) -> tuple[InjectedFault, ...]:
+    """Lines of a scenario as a request carries them."""
+    return tuple(InjectedFault(line.at_s, msgspec.to_builtins(line.fault)) for line in table)
 
 
 def field_from(text: str) -> tuple[str, object]:

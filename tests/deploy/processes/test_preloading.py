@@ -5,7 +5,7 @@ import sys
 
 from support.fleets import PAIR
 
-from rcopterx.deploy.processes.preloading import modules_of
+from rcopterx.deploy.hosts.launcher import modules_of
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import parse_fleet
 

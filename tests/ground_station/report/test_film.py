@@ -11,8 +11,7 @@ from support.statuses import flying_status
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.bus.session import RawMessage
-from rcopterx.ground_station.report.film import MAX_STATES, filmed
-from rcopterx.ground_station.report.logged_bus import LoggedBus
+from rcopterx.ground_station.report.film import MAX_STATES, LoggedBus, filmed
 
 TRACKER = TrackerStatus(state="up", trying="", address="")
 

@@ -16,7 +16,6 @@ from rcopterx.simulator.faults import (
     FreezePose,
     Occlude,
     TimedFault,
-    injected_faults,
     timed_faults,
 )
 from rcopterx.simulator.laboratory import Laboratory
@@ -26,6 +25,7 @@ from rcopterx_studies.faults.bench import FaultFlight
 from rcopterx_studies.faults.laboratory_injectors import LaboratoryFault
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
+from rcopterx_studies.faults.scenario import injected_faults
 from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS, VEHICLE_ROWS
 from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, SIGNS, moments_of
 from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
