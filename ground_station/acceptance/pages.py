@@ -1,46 +1,12 @@
 """Self-contained pages about flown manoeuvres and faults: a summary, a table, and a section for each."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.ground_station.acceptance.flight import reason_of
-from rcopterx.ground_station.report.document import Html, document, percentile_table, table, vehicle_table
-
-
-def write_flights(reports: Sequence[Mapping[str, Any]], flights: Mapping[str, str], directory: Path) -> Path:
-    """Write `index.html` into a directory, created if missing; `flights` are pages there, by manoeuvre."""
-    rows = (
-        (link(report["manoeuvre"]), report["title"], verdict(report), reason_of(report)) for report in reports
-    )
-    sections = (
-        section(
-            report["manoeuvre"],
-            report,
-            f"{report['seconds']} s",
-            _parts(report, flights.get(report["manoeuvre"])),
-        )
-        for report in reports
-    )
-    overview = table(("manoeuvre", "what", "verdict", "why"), rows)
-    return write_page(directory, "Flown manoeuvres", reports, overview, sections)
-
-
-def _parts(report: Mapping[str, Any], flight: str | None) -> Iterator[str]:
-    """Remarks; figures, flight and journal of a manoeuvre that was flown."""
-    yield from (f"<p>{escape(remark)}</p>" for remark in report["remarks"])
-    if report["vehicles"]:
-        yield percentile_table(
-            {"pose to command": report["pose_to_command_ms"], "frame to radio": report["frame_to_radio_ms"]}
-        )
-        yield vehicle_table(report["vehicles"])
-        if flight is not None:
-            yield f'<p><a href="{escape(flight)}">Play the flight</a></p>'
-        steps = ((f"{line['at_s']:.2f} s", line["text"]) for line in report["journal"])
-        yield f"<details><summary>What was done</summary>{table(('time', 'what'), steps)}</details>"
-
+from rcopterx.ground_station.report.document import Html, document, table
 
 PAGE_NAME: Final = "index.html"
 

@@ -35,7 +35,6 @@ FLIGHT_NAME: Final = "flight.html"  # page that plays a flight, beside its repor
 SLICE_S = 0.25  # between two updates of the progress
 
 
-UpOption = Annotated[bool, Option("--up", help="Start a fleet first.")]
 ReportOption = Annotated[Path | None, Option(metavar="DIR", help="Write reports and a page here.")]
 
 
@@ -114,7 +113,7 @@ def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several
             with flown_fleet(options, options.fleet or row.fleet) as (running, interrupts):
                 _fly_row(row, running, interrupts, progress, results)
     finally:
-        results.write_flights()
+        results.write_page()
     results.print(options.as_json)
     if not results.passed:
         raise typer.Exit(EXIT_FAILED)
@@ -211,12 +210,12 @@ class Results:
             (where / FLIGHT_NAME).write_text(report_page(flight), encoding="utf-8")
             self._flights[name] = (where / FLIGHT_NAME).relative_to(self._directory).as_posix()
 
-    def write_flights(self) -> None:
+    def write_page(self) -> None:
         """Write the page about all flights."""
-        from rcopterx.ground_station.acceptance.pages import write_flights
+        from rcopterx.ground_station.acceptance.flight_page import write_page
 
         if self._directory is not None and self._reports:
-            typer.echo(f"page: {write_flights(self._reports, self._flights, self._directory)}", err=True)
+            typer.echo(f"page: {write_page(self._reports, self._flights, self._directory)}", err=True)
 
     def print(self, as_json: bool) -> None:
         """Print the reports."""

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.ground_station.acceptance.checks import Check
 from rcopterx.ground_station.acceptance.flight import Manoeuvre
-from rcopterx.ground_station.acceptance.pages import write_flights
+from rcopterx.ground_station.acceptance.flight_page import write_page
 from rcopterx.ground_station.acceptance.steps import Step, in_order, refused
 from rcopterx.ground_station.scripting import observer
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -172,6 +172,6 @@ def test_a_page_of_nothing_but_words_needs_no_figures(tmp_path: Path) -> None:
         "checks": [],
         "pose_to_command_ms": None, "frame_to_radio_ms": None, "remarks": [], "vehicles": {}, "journal": [],
     }  # fmt: skip
-    text = write_flights([report], {}, tmp_path).read_text(encoding="utf-8")
+    text = write_page([report], {}, tmp_path).read_text(encoding="utf-8")
     assert "a&lt;b" in text
     assert "x &lt; y" in text

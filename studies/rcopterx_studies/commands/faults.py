@@ -16,7 +16,7 @@ from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     SpeedOption,
 )
-from rcopterx.commands.fly import FlightOptions, ReportOption, UpOption, flown_fleet
+from rcopterx.commands.fly import FlightOptions, ReportOption, flown_fleet
 from rcopterx.commands.interruption import Interrupts
 from rcopterx.commands.launch import RecordOption
 from rcopterx.commands.output import JsonOption, Progress, print_document
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False)
 
+UpOption = Annotated[bool, Option("--up", help="Start a fleet first.")]
 VehiclesOption = Annotated[
     int | None, Option(metavar="N", min=1, help="With --up, fly the first N vehicles only.")
 ]

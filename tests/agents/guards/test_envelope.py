@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 from support.flight import still
 from support.vehicle_types import COAXIAL
 
-from rcopterx.agents.guards.step_guard import (
-    BRIDGED_S,
-    DEFAULT_CONTROLLER,
-    FAST,
-    SPINNING,
-    Envelope,
-    StepGuard,
-)
+from rcopterx.agents.guards.envelope import FAST, SPINNING, Envelope
+from rcopterx.agents.guards.step_guard import BRIDGED_S, DEFAULT_CONTROLLER, StepGuard
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, Obstacle, never
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.columns import POSITION, VELOCITY, YAW_RATE
