@@ -133,9 +133,15 @@ def pause(fleet: Observer, kind: type[Suspend]) -> list[str]:
     if not leading:
         raise RefusedError("no vehicle that leads is in the air")
     epoch, frame = _frame_ahead(fleet, leading)
-    replies = {name: fleet.session.request(name, kind(epoch=epoch, frame=frame)) for name in leading}
-    lines = [f"{name}: {reply.reason}" for name, reply in replies.items()]
-    if not any(reply.accepted for reply in replies.values()):
+    lines, accepted = [], False
+    for name in leading:
+        request = kind(epoch=epoch, frame=frame)
+        try:
+            lines.append(f"{name}: {_request(fleet, name, request, timeout_s=COMMIT_LIMIT_S, patience_s=0)}")
+            accepted = True
+        except (RefusedError, RequestFailedError) as error:  # The frame comes for the others.
+            lines.append(str(error))
+    if not accepted:
         raise RefusedError("; ".join(lines))
     return lines
 
@@ -149,10 +155,11 @@ def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array
     return PrepareLeaders(operation=operation, set_point=SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad))
 
 
-def _request(fleet: Observer, name: str, request: Request, **limits: float) -> None:
+def _request(fleet: Observer, name: str, request: Request, **limits: float) -> str:
     reply = fleet.session.request(name, request, **limits)
     if not reply.accepted:
         raise RefusedError(f"{name}: {reply.reason}")
+    return reply.reason
 
 
 def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str]:

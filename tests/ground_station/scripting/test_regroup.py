@@ -12,11 +12,12 @@ from support.plans import plan_of
 from support.statuses import hovering
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
-from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, Suspend, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.formation.topology import cycle
 from rcopterx.ground_station.scripting.regroup import (
     formation_leader,
+    pause,
     regroup,
     shaped,
     swapped,
@@ -257,3 +258,15 @@ def test_a_formation_behind_a_vehicle_that_follows_or_stands_is_refused() -> Non
         shaped(STATUSES, "line", "h2", 1.0, assign=False)
     with pytest.raises(RefusedError, match="h1 does not fly"):
         shaped({"h1": hovering((0.0, 0.0, 0.0), phase="armed")}, "line", "h1", 1.0, assign=False)
+
+
+def test_a_leader_that_is_silent_or_refuses_keeps_no_other_from_being_suspended() -> None:
+    fleet = Formation({name: Member(()) for name in ("h1", "h2", "h3")}, {0: "dies", 1: "refuses"})
+    flying = {name: status(()) for name in fleet.members}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Formation, "statuses", lambda _: flying, raising=False)
+        lines = pause(fleet, Suspend)  # type: ignore[arg-type]  # no bus
+        assert lines == ["no process serves it for h1", "h2: no", "h3: "]
+        fleet.trouble = dict.fromkeys(range(9), "refuses")
+        with pytest.raises(RefusedError, match="no process serves it for h1; h2: no; h3: no"):
+            pause(fleet, Suspend)  # type: ignore[arg-type]  # no bus
