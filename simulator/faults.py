@@ -4,7 +4,7 @@ import heapq
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Final, Generic, NamedTuple, TypeVar, get_args
+from typing import Annotated, Final, Generic, NamedTuple, TypeVar
 
 from msgspec import Meta, Struct, ValidationError, convert
 from msgspec.structs import asdict
@@ -222,11 +222,6 @@ TrackerFault = (
 """Faults of the emulated Tracker."""
 
 Fault = TrackerFault | BreakRadio | BreakVehicle  # faults of the simulated laboratory
-
-FAULTS: Final[dict[str, type[FaultRequest]]] = {
-    str(kind.__struct_config__.tag): kind for kind in get_args(Fault)
-}
-"""Every fault by its kind."""
 
 
 class TimedFault(Struct, frozen=True, forbid_unknown_fields=True):

@@ -104,10 +104,6 @@ class Progress:
             self._shown = label
             self.say(label)
 
-    def show_share(self, label: str, done: float) -> None:
-        """Show what is done now, and the share that is done."""
-        self.show(label, f", {100 * done:.0f} %")
-
     def _elapsed_s(self) -> float:
         return time.monotonic() - self._started_s
 

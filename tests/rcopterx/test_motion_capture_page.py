@@ -10,8 +10,7 @@ from support.fleets import HARDWARE_PAIR
 from rcopterx import ground_station
 from rcopterx.deploy.roles.tracker import BRANDS, brand_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.simulator.faults import FAULTS
-from rcopterx_studies.faults.scenario import fault_from, field_from, read_scenario
+from rcopterx_studies.faults.scenario import FAULTS, fault_from, field_from, read_scenario
 
 PAGE = (Path(ground_station.__file__).resolve().parents[1] / "docs" / "motion_capture.md").read_text(
     encoding="utf-8"

@@ -8,7 +8,6 @@ import pytest
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.requests import MAX_FAULT_FIELDS, Inject, InjectedFault
 from rcopterx.simulator.faults import (
-    FAULTS,
     AddSubject,
     BreakRadio,
     Dribble,
@@ -18,7 +17,7 @@ from rcopterx.simulator.faults import (
     TimedFault,
     timed_faults,
 )
-from rcopterx_studies.faults.scenario import injected_faults
+from rcopterx_studies.faults.scenario import FAULTS, injected_faults
 
 
 @pytest.mark.parametrize("kind", FAULTS)

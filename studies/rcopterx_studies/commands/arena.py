@@ -14,6 +14,7 @@ from rcopterx_studies.commands.options import (
     different_numbers,
     kept_flights,
     known_names,
+    shares_on,
 )
 
 app = typer.Typer(add_completion=False)
@@ -68,7 +69,7 @@ def arena(
     try:
         with kept_flights(resume, context) as kept:
             options = Options(numbers, quick, processes, conditions, kept)
-            result = arena(chosen, flown).fly(options, progress.show_share)
+            result = arena(chosen, flown).fly(options, shares_on(progress))
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
     ratios = error_ratios(result.flown, flown, chosen)

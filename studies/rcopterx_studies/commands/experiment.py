@@ -17,6 +17,7 @@ from rcopterx_studies.commands.options import (
     different_numbers,
     kept_flights,
     known_names,
+    shares_on,
 )
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def experiment(
         flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
         with kept_flights(resume, {"experiment": name, "conditions": preset, "quick": quick}) as kept:
             options = Options(flown, quick, processes, preset, kept, levels)
-            result = chosen.fly(options, progress.show_share)
+            result = chosen.fly(options, shares_on(progress))
         progress.say("flown")
         documents[preset] = result.document
         if plot is not None and chosen.draw is not None:

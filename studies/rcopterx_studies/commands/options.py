@@ -1,12 +1,13 @@
 """Options of studies, and how their values are read."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcopterx.commands.output import Progress
 from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
@@ -52,3 +53,8 @@ def different_numbers(text: str, option: str, lowest: int = 0, highest: int | No
             f"{text!r}: allowed are different whole numbers {span}, separated by commas", param_hint=option
         )
     return numbers
+
+
+def shares_on(progress: Progress) -> Callable[[str, float], None]:
+    """Return what shows on `progress` the work that is done now, and the share that is done."""
+    return lambda label, done: progress.show(label, f", {100 * done:.0f} %")

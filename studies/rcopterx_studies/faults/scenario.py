@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast, get_args
 
 import msgspec
 
@@ -12,8 +12,13 @@ from rcopterx.bus.requests import MAX_FAULTS, Inject, InjectedFault
 from rcopterx.bus.session import Session
 from rcopterx.fleet.reading import converted, table_of, text_of
 from rcopterx.fleet.schema import FleetError, errors_at
-from rcopterx.simulator.faults import FAULTS, Fault, TimedFault
+from rcopterx.simulator.faults import Fault, FaultRequest, TimedFault
 from rcopterx.user_text import similar
+
+FAULTS: Final[dict[str, type[FaultRequest]]] = {
+    str(kind.__struct_config__.tag): kind for kind in get_args(Fault)
+}
+"""Every fault by its kind."""
 
 
 class FaultRefusedError(RuntimeError):
