@@ -33,7 +33,7 @@ from rcopterx.vehicles.phases import Phase
 
 
 class KeptModel(msgspec.Struct, frozen=True):
-    """What a vehicle has learned in one flight."""
+    """What a vehicle has learned in one flight; kept in a file of its own beside the flight logs."""
 
     date: str
     hover_thrust: float | None  # share of the largest thrust, which shows the battery of that flight

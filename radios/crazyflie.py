@@ -21,7 +21,7 @@ LONGEST_LINE = 120  # of which the end is kept
 
 
 class FirmwareReports:
-    """The newest reports since the link was opened.
+    """The newest reports of the firmware since the link was opened (crazyflie-firmware, supervisor.c).
 
     `state`: None before the first one. `complaint`: last line of the console that says why the firmware does
     not arm; empty before the first one, and once it can fly. `fall_backs`: armings that it ended before that.

@@ -28,7 +28,7 @@ NO_SUCH: Final = 2
 
 
 class CrazyflieLog:
-    """Blocks are lost when the vehicle starts anew; the voltage falls with the time flown."""
+    """Blocks of one variable, lost when the vehicle starts anew; the voltage falls with the time flown."""
 
     def __init__(self) -> None:
         self._blocks: dict[int, int] = {}

@@ -48,32 +48,6 @@ from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile, WatchdogConfig
 from rcopterx.flights.flights import new_flight_name
 
-
-def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
-    """Modules that the fork server imports for these processes."""
-    modules = ["rcopterx.deploy.roles.run"]
-    for spec in specs:
-        modules.append(f"rcopterx.deploy.roles.{spec.role}")
-        # What these import at their start only in some fleets.
-        if spec.role == "router" and len(fleet.hosts) > 1:
-            modules.append("rcopterx.bus.links")
-        if spec.role == "router" and fleet.security.certificates is not None:
-            modules.append("rcopterx.deploy.certificates.seats")
-        if spec.role == "tracker" and fleet.tracker.brand != "vicon":
-            modules.append("rcopterx.vicon_gateway.brands")
-        if spec.role == "transmitters":
-            # Libraries of some take half a second.
-            modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
-        if spec.role == "agent":
-            control = fleet.vehicles[spec.unit].control
-            built_in = (
-                *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
-                *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
-            )
-            modules += filter(None, built_in)
-    return list(dict.fromkeys(modules))
-
-
 T = TypeVar("T")
 
 WATCH_S: Final = 0.02  # between two checks of all processes for progress
@@ -95,6 +69,31 @@ def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
 def home_of(fleet: FleetFile, host: str) -> list[str]:
     """Return the vehicles whose agents run on a host from the start."""
     return [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
+
+
+def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
+    """Modules that the fork server imports in advance for these processes; plug-ins are left to them."""
+    modules = ["rcopterx.deploy.roles.run"]
+    for spec in specs:
+        modules.append(f"rcopterx.deploy.roles.{spec.role}")
+        # What these import at their start only in some fleets.
+        if spec.role == "router" and len(fleet.hosts) > 1:
+            modules.append("rcopterx.bus.links")
+        if spec.role == "router" and fleet.security.certificates is not None:
+            modules.append("rcopterx.deploy.certificates.seats")
+        if spec.role == "tracker" and fleet.tracker.brand != "vicon":
+            modules.append("rcopterx.vicon_gateway.brands")
+        if spec.role == "transmitters":
+            # Libraries of some take half a second.
+            modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
+        if spec.role == "agent":
+            control = fleet.vehicles[spec.unit].control
+            built_in = (
+                *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
+                *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
+            )
+            modules += filter(None, built_in)
+    return list(dict.fromkeys(modules))
 
 
 class Launcher(AbstractContextManager["Launcher"]):

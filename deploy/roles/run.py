@@ -22,9 +22,25 @@ from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 from rcopterx.places import is_locked
 
+_LOG = logging.getLogger(__name__)
+EXIT_USAGE = 2
+EXIT_UNREACHABLE = 3
 PR_SET_PDEATHSIG: Final = 1
-CHECK_S: Final = 0.05
+CHECK_S: Final = 0.05  # between two looks at the locks of the gateways, which nothing announces
 ENDED_S: Final = 1.0  # gateways have ended when none has run for this long, as one may be replaced
+
+
+def end_with_parent() -> None:
+    """Receive SIGTERM when the launcher dies; gateways then bring their vehicles down."""
+    if (parent := os.environ.get("RCOPTERX_PARENT")) is not None:
+        end_with(int(parent))
+
+
+def end_with(parent: int) -> None:
+    """Receive SIGTERM when the parent process with this id dies."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def outlive_launcher(fleet: FleetFile, host: str) -> None:
@@ -57,7 +73,7 @@ def _end_after(launcher: int, pages: Sequence[int], fleet: FleetFile, host: str)
 
 
 def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None:
-    """Wait until no gateway has the pages, at most for its longest shutdown."""
+    """Wait until no gateway, which needs poses and the bus to land, has the pages; its longest shutdown."""
     # A router starts without this module.
     from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
@@ -67,24 +83,6 @@ def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None
         if any(map(is_locked, pages)):
             ended_s = now_s
         time.sleep(CHECK_S)
-
-
-_LOG = logging.getLogger(__name__)
-EXIT_USAGE = 2
-EXIT_UNREACHABLE = 3
-
-
-def end_with_parent() -> None:
-    """Receive SIGTERM when the launcher dies; gateways then bring their vehicles down."""
-    if (parent := os.environ.get("RCOPTERX_PARENT")) is not None:
-        end_with(int(parent))
-
-
-def end_with(parent: int) -> None:
-    """Receive SIGTERM when the parent process with this id dies."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:
-        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def run_role(

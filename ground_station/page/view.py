@@ -22,6 +22,11 @@ from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
 from rcopterx.vehicles.state import three, turned_about_z
 
+PLAN_POINTS: Final = 25
+COLOURS: Final = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2")  # in turn
+Point = tuple[float, float, float]
+Shown = dict[str, object]  # by names that the scripts of the page read
+
 
 def place_beside(
     link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
@@ -38,12 +43,6 @@ def link_to(
     x, y, z = turned_about_z(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
     offset_m = (round(float(x), 3), round(float(y), 3), round(float(z), 3))
     return msgspec.structs.replace(link, offset_m=offset_m)
-
-
-PLAN_POINTS: Final = 25
-COLOURS: Final = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2")  # in turn
-Point = tuple[float, float, float]
-Shown = dict[str, object]  # by names that the scripts of the page read
 
 
 def fleet_shown(file: FleetFile, steers: bool) -> Shown:

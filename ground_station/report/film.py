@@ -20,9 +20,12 @@ from rcopterx.ground_station.scripting.reader import Reader
 M = TypeVar("M", bound=Message)
 
 
-class LoggedBus:
-    """Messages in order of arrival, up to a time [s]; see `rcopterx.bus.subscription.Source`.
+MAX_STATES: Final = 7500  # of all vehicles at all steps, about a megabyte: a longer flight has longer steps
+SILENT: Final = Words("no process of the fleet reports", "off")
 
+
+class LoggedBus:
+    """Messages of a recorded flight in order of arrival, up to a time [s]; a `bus.subscription.Source`.
     Times count from `started_s` on the clock of the recording.
     """
 
@@ -62,10 +65,6 @@ class LoggedBus:
                     inbox.store(self._next.payload, arrived_s)
             self._next = next(self._records, None)
         return self._next is not None
-
-
-MAX_STATES: Final = 7500  # of all vehicles at all steps, about a megabyte: a longer flight has longer steps
-SILENT: Final = Words("no process of the fleet reports", "off")
 
 
 class Film:
