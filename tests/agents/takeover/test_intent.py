@@ -15,7 +15,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import Intent
 from rcopterx.control.references.columns import COLUMNS, YAW
-from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.paths import MAX_KNOTS, FlightPath, begun_from
 from rcopterx.control.references.set_points import (
     PathReference,
     ProfileLimits,
@@ -220,3 +220,13 @@ def test_time_is_counted_in_frames_and_across_streams_by_age(epoch: int, expecte
 def test_turns_are_part_of_the_set_point() -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 3 * math.pi), (), (), frozenset(), 0.0)
     assert received_intent(task, 0.0).set_point.yaw_rad == pytest.approx(3 * math.pi)
+
+
+def test_the_longest_path_with_its_way_to_it_is_an_intent_also_suspended() -> None:
+    knots = np.zeros((MAX_KNOTS, 1 + COLUMNS))
+    knots[:, 0], knots[:, 3] = 0.1 * np.arange(MAX_KNOTS), 1.0
+    path = PathReference(begun_from(FlightPath(knots), np.zeros(COLUMNS), 2.0), 0.0)
+    for source in (path, path.suspended(1.0, 1.4)):
+        assert source is not None
+        restored = task_of(received_intent(Task(Phase.FLYING, source), 1.0), 1.0, 0.0)
+        assert restored.source.end()[0] == pytest.approx(source.end()[0])
