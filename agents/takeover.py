@@ -119,6 +119,7 @@ def intent_of(
     time_s = clock.time_s
     path = task.source if isinstance(task.source, set_points.TimedPath) else None
     suspended = path if isinstance(path, set_points.SuspendedPath) else None
+    kind = type(path) if suspended is None else suspended.kind
     end_m, end_yaw_rad = task.source.end()
     return Intent(
         lease=lease,
@@ -147,7 +148,7 @@ def intent_of(
         ),
         flown_by=configuration.message,
         previous=None if previous is None else previous.message,
-        path_requested=set_points.PathReference in (type(path), suspended and suspended.kind),
+        path_requested=kind is set_points.PathReference,
         rest=None if suspended is None else FloatArray.of(suspended.rest.knots),
         home_m=task.home_m,
     )

@@ -48,7 +48,7 @@ class MavlinkProtocol(SetPointRadio):
         self._parameters = ParameterCheck(self._mode.autopilot, settings)
         self._sequence: int | None = None
         self._target = (settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
-        self._now_s, self._beat_s, self._requested_s, self._asked_s = 0.0, -math.inf, -math.inf, 0.0
+        self._now_s, self._beat_s, self._requested_s, self._arming_s = 0.0, -math.inf, -math.inf, 0.0
         self._heading_rad: float | None = None
         self._yaw_rate_rad_s = 0.0
         self._pose: tuple[float, float, float, float] | None = None
@@ -59,7 +59,7 @@ class MavlinkProtocol(SetPointRadio):
     def _set_point_frame(self, point: AttitudeSetPoint, *, armed: bool, kill: bool) -> bytes:
         """Build a frame; a kill stops the motors at once."""
         urgent = armed is not self._armed or (kill and self._state.armed is not False)
-        self._asked_s = self._now_s if armed and not self._armed else self._asked_s
+        self._arming_s = self._now_s if armed and not self._armed else self._arming_s
         self._arming = armed and (self._arming or not self._armed)
         self._armed, self._thrusts = armed, point.thrust > 0
         packets = []
@@ -202,7 +202,7 @@ class MavlinkProtocol(SetPointRadio):
                 if packet.get_type() == "SYS_STATUS":
                     self._report_voltage(self._state.voltage_v, now_s)
             complaint = self._state.complaint
-            silent = self._arming and now_s > self._asked_s + SILENT_S
+            silent = self._arming and now_s > self._arming_s + SILENT_S
             unarmed = "; not armed: no answer" if silent else ""
             self.remark = f"; refused: {complaint}" if complaint else unarmed
         except FrameDecodeError as error:

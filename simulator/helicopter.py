@@ -232,7 +232,7 @@ class Helicopter(Plant):
         swash = swash_target(
             self.parameters, self._servos[0].move(pitch) + trim_pitch, self._servos[1].move(roll) + trim_roll
         )
-        (drift,) = self._drift.at(self._time_s)
+        (drift,) = self._drift.at(self.time_s)
         self._controls = Controls(*swash, sticks is not None, thrust + trim_thrust, yaw + trim_yaw + drift)
 
     def _stand(self, step_s: float) -> float:
@@ -248,10 +248,10 @@ class Helicopter(Plant):
         around = Surroundings(*battery, self._load, left, wake.down_m_s2, tilting, *volume)
         turbulence = STILL_AIR
         if self._weather is not None:
-            turbulence = self._weather.between(self._time_s, self._time_s + count * step_s)
-        start = self.state, self._yaw_rad, self._time_s, self._hover_seconds_used
+            turbulence = self._weather.between(self.time_s, self.time_s + count * step_s)
+        start = self.state, self._yaw_rad, self.time_s, self._hover_seconds_used
         flight = fly(self._airframe, start, self._controls, around, turbulence, step_s, count)
-        self.state, self._yaw_rad, self._time_s = flight.state, flight.yaw_rad, flight.time_s
+        self.state, self._yaw_rad, self.time_s = flight.state, flight.yaw_rad, flight.time_s
         self._use_battery(flight.hover_seconds_used - self._hover_seconds_used)
         self.left_volume = self.left_volume or flight.left_volume
         if flight.landed:

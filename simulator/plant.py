@@ -107,7 +107,7 @@ class Plant(ABC):
         # A command waits half a radio period on average; that is part of the model's delay.
         self._delay_s = max(model.delay_s - 0.5 * self._radio_s, 0.0) if delay_s is None else delay_s
         self._first_frame_s = self._radio_s * float(random_stream(seed, name, RADIO).uniform())
-        self._time_s = 0.0
+        self.time_s = 0.0  # flown since the start
         self._hover_seconds_used = 0.0
         self.wake = STILL
         self.faults = PlantFaults()
@@ -135,14 +135,9 @@ class Plant(ABC):
         self._stop(pose.position_m, pose.yaw_rad)
 
     @property
-    def time_s(self) -> float:
-        """Time flown since the start."""
-        return self._time_s
-
-    @property
     def turbulence(self) -> tuple[float, ...]:
         """Accelerations by the air from now on: inertial x, y, z and yaw."""
-        return CALM if self._weather is None else self._weather.at(self._time_s + _TIME_TOLERANCE_S)
+        return CALM if self._weather is None else self._weather.at(self.time_s + _TIME_TOLERANCE_S)
 
     @property
     @abstractmethod
@@ -190,7 +185,7 @@ class Plant(ABC):
     def _expect(self, sticks: Four | None, after_s: float) -> None:
         if not 0.0 <= after_s < math.inf:
             raise ValueError(f"{self._name}: cannot be commanded after {after_s} s")
-        sent_s = self._time_s + after_s
+        sent_s = self.time_s + after_s
         if self._radio_s:
             frame = math.ceil((sent_s - self._first_frame_s) / self._radio_s - _TIME_TOLERANCE_S)
             sent_s = self._first_frame_s + frame * self._radio_s
@@ -203,18 +198,18 @@ class Plant(ABC):
         """Advance the time; raises `ValueError` for a duration that is negative or not finite."""
         if not 0.0 <= duration_s < math.inf:
             raise ValueError(f"{self._name}: cannot advance by {duration_s} s")
-        end_s, pending = self._time_s + duration_s, self._pending
+        end_s, pending = self.time_s + duration_s, self._pending
         while True:
-            while pending and pending[0][0] <= self._time_s + _TIME_TOLERANCE_S:
+            while pending and pending[0][0] <= self.time_s + _TIME_TOLERANCE_S:
                 self._apply(pending.popleft()[1])
             until_s = min(end_s, pending[0][0]) if pending else end_s
-            if until_s <= self._time_s:
+            if until_s <= self.time_s:
                 return
-            steps = max(1, math.ceil((until_s - self._time_s) / self._conditions.substep_s - 1e-6))
-            step_s = round((until_s - self._time_s) / steps, 12)
+            steps = max(1, math.ceil((until_s - self.time_s) / self._conditions.substep_s - 1e-6))
+            step_s = round((until_s - self.time_s) / steps, 12)
             while steps > 0:
                 steps -= self._substeps(steps, step_s)
-            self._time_s = until_s
+            self.time_s = until_s
 
     def _apply(self, inputs: Four | None) -> None:
         self.motors_running = inputs is not None
@@ -238,7 +233,7 @@ class Plant(ABC):
             return self._fly_on(count, step_s)
         self._use_battery(step_s * self._load)
         self.on_floor = self._stand(step_s) <= self._gravity_m_s2
-        self._time_s += step_s
+        self.time_s += step_s
         return 1
 
     def _use_battery(self, hover_seconds: float) -> None:
@@ -278,10 +273,10 @@ class SteppedPlant(Plant):
 
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
         self._use_battery(step_s * self._load)
-        x, y, z, yaw = CALM if self._weather is None else self._weather.at(self._time_s + step_s / 2)
+        x, y, z, yaw = CALM if self._weather is None else self._weather.at(self.time_s + step_s / 2)
         self._fly(step_s, (x, y, z - self.wake.down_m_s2, yaw))
         self._meet_room()
-        self._time_s += step_s
+        self.time_s += step_s
         return 1
 
     def _meet_room(self) -> None:

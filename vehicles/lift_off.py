@@ -219,7 +219,7 @@ class LiftOffProof:
             self._follow(self._stands.position_m[2])
             if self.problem is not None:
                 self._watch_descent(now_s, 0.0 if last is None else min(now_s - last[0], GAP_S))
-        if not self.proved:
+        if not self.proved and self.problem != JUMPED:
             self._judge(pose, self._stands)
         self._clear = self.proved and self.problem is None and self._rise_m > CLEAR_M
 
@@ -279,7 +279,7 @@ class LiftOffProof:
         x, y = (math.fsum(place[axis] for _, place in self._newest) / len(self._newest) for axis in (0, 1))
         if rise_m < LOW_M and math.dist((x, y), stands.position_m[:2]) > ASIDE_M:
             self._end("its pose moved sideways without rising")
-        if pose.tilt_rad is not None and stands.tilt_rad is not None and self.problem != JUMPED:
+        if pose.tilt_rad is not None and stands.tilt_rad is not None:
             tilted_rad = abs(pose.tilt_rad - stands.tilt_rad)
             if tilted_rad > TILT_RAD:
                 self._end(f"it tilted by {math.degrees(tilted_rad):.0f} degrees")

@@ -247,7 +247,7 @@ class Guidance:
             return "nothing is suspended"
         if not source.finished(time_s):
             return "it still comes to rest"
-        self.task.source = source.resumed(at_s)
+        self.task.source = source.kind(source.rest, at_s)
         return None
 
     def path_left_s(self, time_s: float) -> float:

@@ -107,10 +107,6 @@ class SuspendedPath(TimedPath, frozen=True):
     rest: FlightPath
     kind: type[TimedPath]  # of the path that was suspended
 
-    def resumed(self, at_s: float) -> TimedPath:
-        """Return what is left, from a time on."""
-        return self.kind(self.rest, at_s)
-
 
 @dataclass(frozen=True, slots=True)
 class ProfileLimits:

@@ -19,9 +19,7 @@ RATE_HZ = 50.0
 REQUEST_S = 1.0
 METRES_PER_DEGREE = 111_319.5
 NOISE_M = 2e-4  # of a Tracker: poses that repeat themselves exactly count as frozen
-TRUST_HZ = (
-    5.0  # share of the difference, each second, by which messages correct the position that velocity predicts
-)
+TRUST_HZ = 5.0  # share of the difference to the position that velocity predicts, corrected in each second
 PREDICTED_S = 0.1  # from the newest message on; later the vehicle is occluded, and found again
 MOVED_M = 0.3  # a greater difference is no coarse step: the simulation has put the vehicle elsewhere
 
