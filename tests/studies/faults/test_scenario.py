@@ -6,7 +6,6 @@ import pytest
 
 from rcopterx.fleet.schema import FleetError
 from rcopterx.simulator.faults import (
-    FAULTS,
     AddSubject,
     BreakRadio,
     Burst,
@@ -16,6 +15,7 @@ from rcopterx.simulator.faults import (
     fault_text,
 )
 from rcopterx_studies.faults.scenario import (
+    FAULTS,
     fault_from,
     fault_list,
     field_from,
