@@ -62,17 +62,16 @@ class Fence:
 
     def beside(self, position_m: Three) -> bool:
         """Whether a place is within the sides of the box and its margin, at any height."""
-        return all(
-            lower - self.margin_m <= p <= upper + self.margin_m
-            for p, lower, upper in zip(position_m[:2], self.lower_m[:2], self.upper_m[:2], strict=True)
-        )
+        return all(self._within(position_m, self.margin_m)[:2])
 
     def left(self, position_m: Three) -> bool:
         """Whether a vehicle is so far outside that its motors are to be cut."""
-        return any(
-            not lower - self.cut_m <= p <= upper + self.cut_m
-            for p, lower, upper in zip(position_m, self.lower_m, self.upper_m, strict=True)
-        )
+        return not all(self._within(position_m, self.cut_m))
+
+    def _within(self, position_m: Three, beyond_m: float) -> list[bool]:
+        """Whether a place is at most so far outside, by axis."""
+        sides = zip(position_m, self.lower_m, self.upper_m, strict=True)
+        return [lower - beyond_m <= p <= upper + beyond_m for p, lower, upper in sides]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +204,8 @@ class ArbiterLimits:
     """Height at which vehicles stand, for one that was not seen standing."""
     airborne_m: float = 0.1
     """How far above that height a vehicle certainly flies."""
+    fall_m_s: float = 0.9
+    """Fastest fall that may follow where motors are switched off in the air: from 0.04 m at rest."""
     operators: frozenset[str] = frozenset({"operator"})
     """Names whose requests count as an operator's."""
     surveillance: SurveillanceLimits = SurveillanceLimits()
@@ -230,6 +231,10 @@ class ArbiterLimits:
         sinks_s = math.sqrt(2.0 * max(height_m, 0.0) / (self.below_hover(-GENTLE_M_S) * GRAVITY_M_S2))
         longest_s = min(SLOWER * sinks_s + DESCENT_BEGINS_S, LONGEST_DESCENT_S)
         return max(least_s, sinks_s), max(least_s, longest_s)
+
+    def falls(self, height_m: float, climb_m_s: float) -> bool:
+        """Whether a vehicle so high above the floor falls faster than `fall_m_s` without its motors."""
+        return height_m > 0.0 and climb_m_s**2 + 2.0 * GRAVITY_M_S2 * height_m > self.fall_m_s**2
 
     @property
     def longest_shutdown_s(self) -> float:

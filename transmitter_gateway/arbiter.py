@@ -275,10 +275,10 @@ class Arbiter:
             return
         found.add(Condition.SEEN)
         self._located = not self.pose_monitor.doubtful
-        airborne_m = self._floor_m + self.limits.airborne_m
-        if motion.position_m[2] >= airborne_m and self.lift_off.problem is None:  # else not believed
+        height_m, climb_m_s = motion.position_m[2] - self._floor_m, motion.velocity_m_s[2]
+        if self.limits.falls(height_m, climb_m_s) and self.lift_off.problem is None:  # else not believed
             found.add(Condition.AIRBORNE)
-            self._climb_m_s = motion.velocity_m_s[2] if self._located else None
+            self._climb_m_s = climb_m_s if self._located and height_m >= self.limits.airborne_m else None
         fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()

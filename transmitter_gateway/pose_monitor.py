@@ -348,8 +348,6 @@ def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[s
     axes = zip("xyz", position, velocity, fence.lower_m, fence.upper_m, fence.braking_m_s2, strict=True)
     for name, p, v, lower, upper, braking in axes:
         way = v * v / (2 * braking)
-        if lower <= p - way and p + way <= upper:
-            continue  # It stops inside whichever way it flies.
         if not lower - fence.margin_m <= p <= upper + fence.margin_m:
             return None, f"outside the fence in {name}"
         if name == "z":

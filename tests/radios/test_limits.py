@@ -62,3 +62,19 @@ def test_wrong_surveillance_limits_name_the_field(change: dict[str, Any], field:
 def test_wrong_fences_name_the_field(change: dict[str, Any], words: str) -> None:
     with pytest.raises(LimitsError, match=words):
         Fence(**{"lower_m": (-1, -1, -1), "upper_m": (1, 1, 1), **change})
+
+
+@pytest.mark.parametrize("climb_m_s", [-0.85, -0.4, 0.0, 0.4, 0.85])
+@pytest.mark.parametrize("height_m", [-0.1, 0.0, 0.002, 0.01, 0.03, 0.05, 0.3])
+def test_a_vehicle_falls_if_it_would_reach_the_floor_faster_than_it_may(
+    height_m: float, climb_m_s: float
+) -> None:
+    limits, height, speed_m_s = ArbiterLimits(), height_m, climb_m_s
+    while height > 0.0:
+        height += speed_m_s * 1e-4
+        speed_m_s -= 9.81 * 1e-4
+    assert limits.falls(height_m, climb_m_s) == (height_m > 0.0 and -speed_m_s > limits.fall_m_s)
+
+
+def test_a_vehicle_on_the_floor_does_not_fall_whatever_its_speed() -> None:
+    assert not ArbiterLimits().falls(0.0, 3.0)

@@ -103,6 +103,20 @@ def test_disarming_works_at_once_for_a_vehicle_that_is_seen_on_the_floor() -> No
     assert (bench.state, bench.reason) == (State.DISARMED, "disarmed: by operator")
 
 
+@pytest.mark.parametrize(("height_m", "accepted"), [(0.03, True), (0.06, False), (0.09, False)])
+def test_disarming_is_refused_where_the_vehicle_would_fall_faster_than_it_may_touch_down(
+    height_m: float, accepted: bool
+) -> None:
+    bench = Bench()
+    bench.yaw_rad, bench.position = 0.0, (0.0, 0.0, 0.0)
+    bench.fly()
+    for step in range(10):
+        bench.position = (0.0, 0.0, height_m * (step + 1) / 10)
+        bench.run(0.02, HOVER)
+    bench.run(0.6, HOVER)
+    assert bench.request(Action.DISARM).accepted == accepted
+
+
 def test_disarming_works_without_sight_after_the_thrust_was_low_for_long_enough() -> None:
     bench = flying()
     bench.run(0.5, IDLE)

@@ -95,7 +95,7 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"at once, at {HURRY * landing.descent_m_s} m/s until {HURRY * landing.flare_m} m above the floor",
         f"commanded low for {limits.arm_low_s} s",
         f"on the floor | disarmed after {limits.disarm_after_s:.0f} s",
-        f"thrust low for {limits.arm_low_s} s, or seen less than {limits.airborne_m} m above it",
+        f"thrust low for {limits.arm_low_s} s, or seen where it falls with at most {limits.fall_m_s} m/s",
         f"CUT, {THROTTLE_LOW_FRAMES} throttle-low frames",
         f"younger than {limits.take_over_s} s",
     ):

@@ -2,8 +2,8 @@
 
 import gc
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from unittest.mock import patch
 import pytest
 
 from rcopterx.bus.session import Session
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway import pose_monitor, radios, transitions
 from rcopterx.transmitter_gateway.command_validator import Leases
 from rcopterx.transmitter_gateway.inputs import State
@@ -96,9 +97,16 @@ def unanswered_poses_teach() -> AbstractContextManager[Any]:
     return patch.object(PoseMonitor, "doubtful", False)
 
 
-def falls_unfinished() -> AbstractContextManager[Any]:
-    """A lift-off whose commands end keeps its thrust off when its climb has ended."""
-    return patch.object(lift_off.LiftOffProof, "unfinished", False)
+def low_is_the_floor() -> AbstractContextManager[Any]:
+    """Below 0.1 m a vehicle counts as on the floor."""
+    return patch.object(ArbiterLimits, "falls", lambda self, height_m, _: height_m >= self.airborne_m)
+
+
+@contextmanager
+def falls_unfinished() -> Iterator[None]:
+    """There, a lift-off whose commands end keeps its thrust off when its climb has ended."""
+    with low_is_the_floor(), patch.object(lift_off.LiftOffProof, "unfinished", False):
+        yield
 
 
 def jumped_heading_believed() -> AbstractContextManager[Any]:
@@ -120,6 +128,7 @@ def doubt_begins_anew() -> AbstractContextManager[Any]:
         (late_poses_jump, "touchdown-10052"),
         (unanswered_poses_teach, "volume-10014"),
         (falls_unfinished, "touchdown-10076"),
+        (low_is_the_floor, "touchdown-70128"),
         (doubt_begins_anew, "touchdown-1004"),
         (jumped_heading_believed, "volume-30011"),
     ],
