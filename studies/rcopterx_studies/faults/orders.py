@@ -21,7 +21,8 @@ INSIDE: Final = Path(__file__).parent / "inside"
 def obedient_processes() -> Iterator[None]:
     """Have Python processes that this one starts meanwhile accept orders."""
     paths = [str(INSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
-    with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
+    # Processes that are ended may still write.
+    with TemporaryDirectory(prefix="rcopterx-orders-", ignore_cleanup_errors=True) as directory:
         values = {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
         with patch.dict(os.environ, values):
             yield
