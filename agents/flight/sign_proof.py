@@ -89,7 +89,7 @@ class SignProof:
             own_s = 2.0 * model.tilt.damping_ratio / model.tilt.frequency_rad_s
             answer_s = max(answer_s, model.tilt.servo_lag_s + own_s)
         self.round_s = PULSE_S * len(PULSES) + answer_s  # pulses and the answer to the last one
-        self.climb_after_s = self.round_s - ANSWER_S  # so long after the lift-off the climb begins
+        self.climb_from_s = 0.0  # when the vehicle climbs: later while pitch and roll are not proved
         tilting = PULSE_M_S2 * answer_s / ANSWER_S
         wanted = np.array((tilting, tilting, PULSE_RAD_S / turning_s))
         self._sizes = np.minimum(wanted / model.b[STICKS], LARGEST_PULSE * model.stick_room[STICKS])
@@ -116,6 +116,8 @@ class SignProof:
         spinning = still._replace(motion=np.eye(MOTION_SIZE)[YAW_RATE])
         self._begun_s = self._until_s = time_s
         self._rounds += 1
+        if U_PITCH in self._open:
+            self.climb_from_s = time_s + self.round_s
         self._yaw_rad: float | None = None  # newest measured one, with all turns
         # Responses of x to pitch and roll, of y to pitch and roll, to the trims of pitch and roll.
         self._lateral = [still] * 6
@@ -209,6 +211,7 @@ class SignProof:
         place = _reading(self._place_seen, far) if far or not self._tilted else None
         if 0 in (tilt, place):
             self._open -= {U_PITCH, U_ROLL}
+            self.climb_from_s = self._begun_s + max(elapsed_s, self.round_s - ANSWER_S)
             return None
         if place is None or (self._tilted and tilt != place):
             return None

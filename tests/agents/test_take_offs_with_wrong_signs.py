@@ -63,6 +63,17 @@ def test_a_stick_that_acts_wrongly_ends_the_take_off_below_03_m(kind: str, cause
     landed_at_once(bench, cause)
 
 
+@pytest.mark.parametrize("seed", [0, 8, 10, 15])
+def test_a_vehicle_whose_sticks_one_round_of_pulses_does_not_prove_waits_with_its_climb(seed: int) -> None:
+    bench = TakeOffs({"h1": "coaxial"}, "helicopters", seed=seed)
+    bench.plants["h1"].faults = FAULTS["pitch acts the wrong way"]
+    _, remark = flown(bench)
+    assert "pitch" in remark
+    assert bench.plants["h1"].on_floor
+    assert bench.highest_m["h1"] < HIGHEST_M
+    assert bench.hardest_m_s["h1"] < HARDEST_M_S
+
+
 def turned(view: View, by_rad: float) -> Callable[[], BodyPose]:
     """View of a subject that was created with its nose elsewhere: its tilt is that of the vehicle."""
 
