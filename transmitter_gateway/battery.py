@@ -8,24 +8,32 @@ from typing import Final
 from rcopterx.bus.message import MAX_MAGNITUDE
 from rcopterx.bus.messages import Battery
 from rcopterx.radios.battery import BatteryLimits
+from rcopterx.transmitter_gateway.flight_time import FlightTime
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
 
 PATIENCE_S: Final = 5.0  # a manoeuvre lowers the voltage for a moment
+CHARGED: Final = 0.95  # share of the bar from which a battery on the floor counts as full
 
 
 class BatteryWatch:
     """Judges the voltages that a vehicle reports: `problem` blocks take-off, or ends a flight."""
 
-    def __init__(self, limits: BatteryLimits) -> None:
-        self._limits = limits
+    def __init__(self, limits: BatteryLimits, hover_thrust: float = 1.0) -> None:
+        self._limits, self._hover_thrust = limits, hover_thrust
         self._voltage_v: float | None = None
         self._weak_v: float | None = None  # too low for a take-off, until a higher one is reported
         self._low_since_s: float | None = None
-        self._empty = False
+        self._empty = self._flying = False
+        self._flight_time = FlightTime(limits)
 
-    def observe(self, voltage_v: float | None, now_s: float, *, there: bool, flying: bool) -> None:
-        """Take the newest voltage, if known; a vehicle that was not `there` may have another battery."""
-        self._voltage_v = voltage_v
-        if not there and not flying:
+    def observe(
+        self, voltage_v: float | None, now_s: float, *, there: bool, flying: bool, u: Input = NEUTRAL
+    ) -> None:
+        """Take the newest voltage, if known, and inputs; a vehicle not `there` may have another battery."""
+        self._voltage_v, self._flying = voltage_v, flying
+        thrust = u[THRUST] / self._hover_thrust if flying else None
+        self._flight_time.observe(voltage_v, thrust, now_s)
+        if not flying and (not there or self._charged):
             self._empty, self._weak_v, self._low_since_s = False, None, None
         if voltage_v is None:
             return
@@ -52,9 +60,22 @@ class BatteryWatch:
         """Return what is shown of it; None while the voltage is unknown."""
         if self._voltage_v is None:
             return None
+        return Battery(
+            voltage_v=min(max(self._voltage_v, 0.0), MAX_MAGNITUDE),  # a message with more would be rejected
+            share=self._share,
+            low=self._weak_v is not None or self._empty,
+            charged=self._charged,
+            left_s=self._flight_time.left_s,
+        )
+
+    @property
+    def _share(self) -> float | None:
+        """Place of the voltage between those of landing and of a full battery, if all are known."""
         empty_v, full_v = self._limits.land_v or 0.0, self._limits.full_v
-        share = None
-        if full_v and full_v > empty_v:
-            share = min(max((self._voltage_v - empty_v) / (full_v - empty_v), 0.0), 1.0)
-        shown_v = min(max(self._voltage_v, 0.0), MAX_MAGNITUDE)  # a message with more would be rejected
-        return Battery(voltage_v=shown_v, share=share, low=self._weak_v is not None or self._empty)
+        if self._voltage_v is None or not full_v:
+            return None
+        return min(max((self._voltage_v - empty_v) / (full_v - empty_v), 0.0), 1.0)
+
+    @property
+    def _charged(self) -> bool:
+        return not self._flying and (self._share or 0.0) >= CHARGED
