@@ -47,7 +47,7 @@ class Conditions:
     battery_endurance_s: float = 480.0
     """Time of hover thrust that empties the battery; more thrust empties it faster."""
     charging_s: float = 0.0
-    """Time in which an empty battery becomes full while the vehicle stands where it began; zero for never."""
+    """Time in which an empty battery becomes full while the vehicle stands with its motors off; 0: never."""
     position_noise_m: float = 0.0
     """Measurement noise per position axis, root mean square."""
     angle_noise_rad: float = 0.0

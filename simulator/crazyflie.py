@@ -39,9 +39,7 @@ class CrazyflieLog:
     """Blocks of one variable, lost when the vehicle starts anew."""
 
     def __init__(self) -> None:
-        self._blocks: dict[int, int] = {}
-        self._period_s: dict[int, float] = {}
-        self._due_s: dict[int, float] = {}
+        self._blocks: dict[int, tuple[int, float, float]] = {}  # variable, period [s], next time [s]
 
     def obey(self, packet: Packet, now_s: float) -> Packet | None:
         """Return the answer to a request; None for one that is unknown or too short."""
@@ -66,26 +64,22 @@ class CrazyflieLog:
             variable = int.from_bytes(data[3:], "little")
             if variable >= len(TABLE):
                 return NO_SUCH
-            self._blocks[block] = variable
+            self._blocks[block] = variable, 0.0, math.inf
             return log.NEW
         if command == log.START_BLOCK and block in self._blocks:
-            self._period_s[block] = 0.01 * data[2]
-            self._due_s[block] = now_s
+            self._blocks[block] = self._blocks[block][0], 0.01 * data[2], now_s
             return log.NEW
         return NO_SUCH
 
     def due(self, now_s: float, voltage_v: float) -> list[Packet]:
         """Return the data that are due."""
-        packets = []
-        for block, due_s in self._due_s.items():
-            if now_s < due_s:
-                continue
-            self._due_s[block] = now_s + self._period_s[block]
-            value = voltage_v if TABLE[self._blocks[block]] == log.VARIABLE else math.nan
-            stamp = (round(1000 * now_s) % 2**24).to_bytes(3, "little")
-            packets.append(
-                Packet(log.LOG, log.DATA_CHANNEL, bytes((block,)) + stamp + struct.pack("<f", value))
-            )
+        packets, stamp = [], (round(1000 * now_s) % 2**24).to_bytes(3, "little")
+        for block, (variable, period_s, due_s) in self._blocks.items():
+            if now_s >= due_s:
+                self._blocks[block] = variable, period_s, now_s + period_s
+                value = voltage_v if TABLE[variable] == log.VARIABLE else math.nan
+                data = bytes((block,)) + stamp + struct.pack("<f", value)
+                packets.append(Packet(log.LOG, log.DATA_CHANNEL, data))
         return packets
 
 

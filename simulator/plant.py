@@ -17,7 +17,6 @@ from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Four, Three
 
 CALM: Four = (0.0, 0.0, 0.0, 0.0)
-CHARGER_M: Final = 0.15  # from where it began a vehicle stands on its charging place
 PLANTS: Final = "rcopterx.plants"
 """Group of entry points: functions that return a `PlantMaker` for a kind, or raise `ValueError`."""
 _TIME_TOLERANCE_S = 1e-9
@@ -110,7 +109,8 @@ class Plant(ABC):
         self._first_frame_s = self._radio_s * float(random_stream(seed, name, RADIO).uniform())
         self.time_s = 0.0  # flown since the start
         self._hover_seconds_used = 0.0
-        self._charger_m = start.position_m[:2]
+        endurance_s, full_s = conditions.battery_endurance_s, conditions.charging_s
+        self._charged_per_s = endurance_s / full_s if full_s else 0.0
         self.wake = STILL
         self.faults = PlantFaults()
         self.keeps_attitude = model.airframe == "attitude"
@@ -134,7 +134,7 @@ class Plant(ABC):
         self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
         self._apply(None if self.on_floor else self._hover_input)
         self._settle()
-        self._rest(pose.position_m, pose.yaw_rad)
+        self._stop(pose.position_m, pose.yaw_rad)
 
     @property
     def turbulence(self) -> tuple[float, ...]:
@@ -254,13 +254,7 @@ class Plant(ABC):
         self.touchdowns += 1
         self.touchdown_speed_m_s = speed_m_s
         x, y, _, yaw_rad, *_ = self.motion
-        self._rest((x, y, 0.0), yaw_rad)
-
-    def _rest(self, position_m: Three, yaw_rad: float) -> None:
-        endurance_s, full_s = self._conditions.battery_endurance_s, self._conditions.charging_s
-        charges = full_s > 0.0 and math.dist(position_m[:2], self._charger_m) <= CHARGER_M
-        self._charged_per_s = endurance_s / full_s if charges else 0.0
-        self._stop(position_m, yaw_rad)
+        self._stop((x, y, 0.0), yaw_rad)
 
     @abstractmethod
     def _settle(self) -> None:

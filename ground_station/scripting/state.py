@@ -12,7 +12,7 @@ from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus.messages import AgentStatus, Battery, LeaderLink, Plan, TransmitterStatus
 from rcopterx.vehicles.phases import AIRBORNE
 
-LONG_AGO_S: Final = 120.0  # times from here on are given in minutes
+LONG_AGO_S: Final = 120.0  # ages from here on are given in minutes
 STALE_S: Final = 1.0
 """Age from which a status blocks take-off; statuses come five times a second."""
 SILENT_S: Final = 0.5
@@ -93,8 +93,7 @@ class VehicleState:
         text = f"{battery.voltage_v:.2f} V" + ", charged" * battery.charged
         if battery.left_s is None:
             return text
-        unit, unit_s = ("s", 1.0) if battery.left_s[0] < LONG_AGO_S else ("min", 60.0)
-        return f"{text}, {battery.left_s[0] / unit_s:.0f} to {battery.left_s[1] / unit_s:.0f} {unit} left"
+        return f"{text}, {battery.left_s[0] / 60.0:.1f} to {battery.left_s[1] / 60.0:.1f} min left"
 
     @property
     def firmware_armed(self) -> bool | None:
@@ -186,8 +185,7 @@ class VehicleState:
                 words.append(f"heading {shown_heading_deg(self.agent.yaw_rad)} deg")
         if self.error_m is not None:
             words.append(f"error {1000 * self.error_m:.0f} mm")
-        if self.battery_text:
-            words.append(self.battery_text)
+        words += filter(None, [self.battery_text])
         return f"{self.name}: {', '.join(words)}"
 
     def __repr__(self) -> str:
