@@ -139,9 +139,8 @@ class Flier:
             for action in self._actions():
                 self._act(action)
         except OSError:
-            self._say(f"gamepad unplugged: {self._vehicle.name} holds")
+            self._say(f"gamepad unplugged: {self._vehicle.name} comes to rest")
             self._device, self._pad = None, Pad()
-            self._act("hold")
         wanted, before = self._pad.velocity, self._set_point
         if before is None and wanted != STILL:
             before = self._present()

@@ -85,13 +85,14 @@ class Rotation:
         """Fill the places, keep them filled for a time, then bring all home."""
         fleet = self.fleet
         end_s = fleet.session.clock() + 60.0 * minutes
-        self._begin()
+        self.begin()
         while fleet.session.clock() < end_s:
             if not self.step():
                 fleet.wait(1.0)
         fleet.home()
 
-    def _begin(self):
+    def begin(self):
+        """Fill the places; the first vehicle leads."""
         fleet, (leader, *others) = self.fleet, self.in_place
         fleet.take_off(self.in_place, HEIGHT_M)
         fleet[leader].go_to(self.ring.place_m(0))

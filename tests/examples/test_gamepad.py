@@ -2,7 +2,6 @@
 
 import errno
 import math
-import sys
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-sys.path.insert(0, str(EXAMPLES))
-import gamepad  # noqa: E402
-
-sys.path.remove(str(EXAMPLES))
+from support.example_programs import gamepad
 
 RANGES = {
     gamepad.LEFT_X: (-32768, 32767),
@@ -197,10 +191,10 @@ def test_buttons_end_the_motion(button: int, asked: str) -> None:
 
 def test_a_gamepad_that_is_unplugged_in_motion_holds_the_vehicle_and_another_one_may_be_used() -> None:
     bench = Bench()
-    bench.run(1.0, held(gamepad.LEFT_SHOULDER), moved(gamepad.LEFT_Y, -1.0))
+    places = bench.run(1.0, held(gamepad.LEFT_SHOULDER), moved(gamepad.LEFT_Y, -1.0))
     bench.device.unplugged = True
+    assert bench.run(1.0)[-1][0] - places[-1][0] < 0.25
     assert bench.run(1.0) == []
-    assert bench.vehicle.asked == ["lead"]
     assert not bench.flier.plugged_in
     bench.device = FakeDevice()
     bench.flier.plug_in(bench.device)
