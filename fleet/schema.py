@@ -224,7 +224,7 @@ class VoltageConfig(Table, frozen=True, kw_only=True, omit_defaults=True):
     full_v: Volts | None = None
     """Voltage of a full battery, where the bar ends that shows it [V]."""
     hover_s: Annotated[float, Meta(ge=0, le=86_400)] | None = None
-    """How long the vehicle hovers with a full battery until it lands, for predictions; 0 for none [s]."""
+    """How long the vehicle hovers with a full battery until it lands, for predictions; 0 for none."""
 
 
 class BatteryConfig(VoltageConfig, frozen=True, kw_only=True):

@@ -72,6 +72,6 @@ class PlaceWatch:
         hours, low = (self.newest_s - self.begun_s) / 3600.0, ", ".join(sorted(self.low)) or "none"
         return (
             f"{hours:.2f} h: {len(self.gaps_s)} gaps, the longest {longest_s:.1f} s; {rms_mm:.0f} mm rms "
-            f"from the places; nearest {self.nearest_m:.2f} m; lowest voltage in flight {self.lowest_v:.2f} V, "
+            f"from them; nearest {self.nearest_m:.2f} m; lowest voltage in flight {self.lowest_v:.2f} V, "
             f"below the limit: {low}"
         )
