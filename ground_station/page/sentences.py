@@ -54,10 +54,10 @@ def taken_over(state: VehicleState) -> Words:
 
 
 def battery(state: VehicleState) -> Words:
-    """Voltage and flight time, or the share of the thrust that hovering needs; empty if unknown."""
+    """Voltage and least flight time, or the share of the thrust that hovering needs; empty if unknown."""
     share = None if state.agent is None else state.agent.diagnostics.hover_thrust
     hovers = "" if share is None else f"hover {100 * share:.0f} %"
-    return Words(state.battery_text or hovers, "red" if battery_low(state) else "calm")
+    return Words(state.battery_text.partition(" left")[0] or hovers, "red" if battery_low(state) else "calm")
 
 
 def radio(state: VehicleState) -> Words:

@@ -93,7 +93,7 @@ class VehicleState:
         text = f"{battery.voltage_v:.2f} V" + ", charged" * battery.charged
         if battery.left_s is None:
             return text
-        return f"{text}, {battery.left_s[0] / 60.0:.1f} to {battery.left_s[1] / 60.0:.1f} min left"
+        return f"{text}, {battery.left_s[0] / 60.0:.1f} min left, at most {battery.left_s[1] / 60.0:.1f}"
 
     @property
     def firmware_armed(self) -> bool | None:

@@ -54,7 +54,9 @@ def test_for_hours_no_place_is_empty_for_long_and_no_battery_below_its_limit(
         turning = rotation.Rotation(fleet, places, period_s, say)
         turning.begin()
         while fleet.session.clock() - begun_s < 3600.0 * HOURS:
-            if not turning.step():
+            if turning.step():
+                say(f"{turning.changes} changes in {watch}")
+            else:
                 fleet.wait(1.0)
         watch.end()
         changes = turning.changes
@@ -63,7 +65,6 @@ def test_for_hours_no_place_is_empty_for_long_and_no_battery_below_its_limit(
     file = at_speed(load_fleet(path), None, True)
     with in_one_process(file, store) as process:
         process.run(script)
-    print(f"{changes} changes in {watch}", flush=True)
     assert not process.turns.failures
     assert len(watch.gaps_s) <= changes
     assert max(watch.gaps_s, default=0.0) < GAP_S
