@@ -305,6 +305,10 @@ class Battery(Struct, frozen=True, kw_only=True):
     """Place of the voltage between that at which the vehicle lands and that of a full battery, if given."""
     low: bool = False
     """Below the voltage that a take-off needs."""
+    charged: bool = False
+    """Full, on the floor."""
+    left_s: tuple[Seconds, Seconds] | None = None
+    """Shortest and longest remaining flight time, in flight; absent where it cannot be predicted."""
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

@@ -223,6 +223,8 @@ class VoltageConfig(Table, frozen=True, kw_only=True, omit_defaults=True):
     """Voltage below which it lands, after 5 s [V]."""
     full_v: Volts | None = None
     """Voltage of a full battery, where the bar ends that shows it [V]."""
+    hover_s: Annotated[float, Meta(ge=0, le=86_400)] | None = None
+    """How long the vehicle hovers with a full battery until it lands, for predictions; 0 for none."""
 
 
 class BatteryConfig(VoltageConfig, frozen=True, kw_only=True):

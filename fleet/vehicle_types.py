@@ -122,7 +122,8 @@ def battery_limits(config: VoltageConfig, where: str, default: VoltageConfig | N
     full_v = config.full_v
     if full_v is None and (others.full_v or 0.0) > max(warn_v or 0.0, land_v or 0.0):
         full_v = others.full_v  # not of a battery with more cells than that of the type
+    hover_s = others.hover_s if config.hover_s is None else config.hover_s
     try:
-        return BatteryLimits(warn_v, land_v, full_v)
+        return BatteryLimits(warn_v, land_v, full_v, hover_s)
     except BatteryLimitsError as error:
         raise FleetError(f"{where}.{error}") from None

@@ -7,6 +7,8 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import accumulate
+from operator import sub
 from pathlib import Path
 from typing import Final
 
@@ -107,11 +109,9 @@ def found_flight(name: str, directory: Path) -> Flight:
     if path.is_file():
         return Flight(path.name.removesuffix(SUFFIX), (path,))
     flights = flights_in(directory)
-    if name == NEWEST and flights:
-        return flights[-1]
-    for flight in flights:
-        if flight.name == name:
-            return flight
+    found = flights[-1:] if name == NEWEST else [flight for flight in flights if flight.name == name]
+    if found:
+        return found[0]
     if name == NEWEST:
         raise NoFlightError(f"no flights in {directory}; each fleet that is started records one")
     raise NoFlightError(f"neither a file nor a flight {name!r} in {directory}; rcopterx flights lists them")
@@ -120,11 +120,5 @@ def found_flight(name: str, directory: Path) -> Flight:
 def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:
     """Return the first files of a list whose removal brings the total size within a limit."""
     files = list(sizes)
-    total = sum(size for _, size in files)
-    gone = []
-    for path, size in files:
-        if total <= limit_bytes:
-            break
-        gone.append(path)
-        total -= size
-    return gone
+    left = accumulate((size for _, size in files), sub, initial=sum(size for _, size in files))
+    return [path for (path, _), bytes_left in zip(files, left, strict=False) if bytes_left > limit_bytes]

@@ -68,20 +68,16 @@ def hover(values: Diagnostics) -> str:
     return "" if values.hover_thrust is None else f"hovers at {100 * values.hover_thrust:.0f} % of the thrust"
 
 
-def voltage(status: TransmitterStatus) -> str:
-    """Return the voltage of the battery and a bar of what it has left; empty if it is unknown."""
-    battery = status.battery
-    if battery is None:
-        return ""
-    full = 0 if battery.share is None else round(BAR * battery.share)
-    bar = "" if battery.share is None else f"{full * '█'}{(BAR - full) * '░'} "
-    return f"{bar}{battery.voltage_v:.2f} V"
+def voltage(state: VehicleState) -> str:
+    """Return a bar of what the battery has left, its voltage and the flight time; empty if unknown."""
+    share = None if state.battery is None else state.battery.share
+    full = round(BAR * (share or 0.0))
+    return ("" if share is None else f"{full * '█'}{(BAR - full) * '░'} ") + state.battery_text
 
 
 def battery_low(state: VehicleState) -> bool:
     """Whether the voltage is below that of a take-off."""
-    battery = None if state.transmitter is None else state.transmitter.battery
-    return battery is not None and battery.low
+    return state.battery is not None and state.battery.low
 
 
 def _wind(values: Diagnostics) -> str:
@@ -130,7 +126,7 @@ QUANTITIES = (
         _diagnostics(lambda values: f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms"),
         16,
     ),
-    Quantity("voltage", _transmitter(voltage), 16, battery_low),
+    Quantity("voltage", voltage, 16, battery_low),
     Quantity("radio", _transmitter(lambda status: f"{status.link}, {status.module}"), 14),
     *(Quantity(f"latency {stage}, p50 / p99 / max", _latency(stage), 20) for stage in (TOTAL, *STAGES)),
     Quantity("estimator", _diagnostics(lambda values: values.estimator)),

@@ -1,4 +1,4 @@
-"""Voltages of a vehicle's battery at which it may not take off any more, and at which it lands."""
+"""What a vehicle's battery permits: voltages of take-off and landing, and how long it lasts."""
 
 import math
 from dataclasses import dataclass, fields
@@ -11,11 +11,12 @@ class BatteryLimitsError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class BatteryLimits:
-    """Voltages of the whole battery [V]; None or 0: no such limit."""
+    """Voltages of the whole battery [V]; None or 0: no such limit, or unknown."""
 
     warn_v: float | None = None  # below it there is no take-off, and a warning in flight
     land_v: float | None = None  # below it for some seconds the vehicle lands
     full_v: float | None = None  # of a full battery: where the bar that shows the voltage ends
+    hover_s: float | None = None  # for which the vehicle hovers with a full battery until it lands [s]
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -148,8 +148,7 @@ class ArmingChannel(SwitchChannel):
     def __post_init__(self) -> None:
         # A class with slots is made anew, so that super() without arguments would not find it.
         SwitchChannel.__post_init__(self)
-        allowed = "a time from 0 to 2 s is"
-        _check(0 <= self.low_s <= 2, "low_s", self.low_s, allowed)
+        _check(0 <= self.low_s <= 2, "low_s", self.low_s, "a time from 0 to 2 s is")
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +180,7 @@ class Calibration:
             channel = getattr(self, name)
             if channel is None:
                 continue
-            index = channel.index
-            if index in taken:
+            if (index := channel.index) in taken:
                 raise CalibrationError(f"{name}.index: channel {index} is already used by {taken[index]}")
             taken[index] = name
 

@@ -132,10 +132,8 @@ class CrazyflieProtocol(SetPointRadio):
         if armed is not self._armed or self._frames >= FRAMES_PER_REQUEST:
             packets += self._requests(armed=armed)
             self._armed, self._frames = armed, 0
-        elif (
-            not armed and self._reports.state is not None and (wanted := self._battery.request()) is not None
-        ):
-            packets.append(wanted)
+        elif not armed and self._reports.state is not None:
+            packets += filter(None, [self._battery.request()])
         self._frames += 1
         return crtp.joined(packet.to_bytes() for packet in packets)
 

@@ -118,11 +118,7 @@ class MavlinkProtocol(SetPointRadio):
         return packets
 
     def _requests(self) -> list[bytes]:
-        """Pack the commands that bring the vehicle into the state that is wanted, next step first.
-
-        It is armed only with a set point without thrust and once in each flight, and another mode is replaced
-        only then: later a pilot or a failsafe has chosen it, and flies and disarms the vehicle.
-        """
+        """Pack the commands that bring the vehicle into the state that is wanted, next step first."""
         state = self._state
         packets = []
         for report, (number, interval_us, _) in REPORTS.items():
@@ -135,7 +131,7 @@ class MavlinkProtocol(SetPointRadio):
         arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         if self._arming and state.armed and state.obeys:
             self._arming = False
-        elif self._arming and not self._thrusts:
+        elif self._arming and not self._thrusts:  # Later a pilot or a failsafe has chosen another mode.
             custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
             mode = self._command(mavlink.MAV_CMD_DO_SET_MODE, custom, self._mode.requested)
             packets.append(self._command(arm, 1) if state.obeys else mode)

@@ -46,6 +46,8 @@ class Conditions:
     """Fraction of the thrust gain that is lost when the battery is empty."""
     battery_endurance_s: float = 480.0
     """Time of hover thrust that empties the battery; more thrust empties it faster."""
+    charging_s: float = 0.0
+    """Time in which an empty battery becomes full while the vehicle stands with its motors off; 0: never."""
     position_noise_m: float = 0.0
     """Measurement noise per position axis, root mean square."""
     angle_noise_rad: float = 0.0

@@ -20,20 +20,26 @@ from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
-FULL_V: Final = 4.2
-EMPTY_V: Final = 2.6  # the firmware compensates until then, and the vehicle falls
-ENDURANCE_S: Final = 420.0
+HOVER_DROP_V: Final = 0.35  # 2 A by 0.19 ohm: wiki.bitcraze.io, misc:investigations:thrust
+LEAST_CHARGE: Final = 0.005
 TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
 NO_SUCH: Final = 2
 
 
+def battery_voltage_v(used: float, load: float) -> float:
+    """Return the voltage of a battery that has lost a share of its charge, under a load (1 for a hover).
+
+    At rest by Tremblay, Dessaint and Dekkiche 2007, equation (1), with their figures of a Li-ion cell.
+    """
+    rest_v = 3.7348 - 0.00876 / max(1.0 - used, LEAST_CHARGE) + 0.468 * math.exp(-3.5294 * used)
+    return max(rest_v - HOVER_DROP_V * load, 0.0)
+
+
 class CrazyflieLog:
-    """Blocks of one variable, lost when the vehicle starts anew; the voltage falls with the time flown."""
+    """Blocks of one variable, lost when the vehicle starts anew."""
 
     def __init__(self) -> None:
-        self._blocks: dict[int, int] = {}
-        self._period_s: dict[int, float] = {}
-        self._due_s: dict[int, float] = {}
+        self._blocks: dict[int, tuple[int, float, float]] = {}  # variable, period [s], next time [s]
 
     def obey(self, packet: Packet, now_s: float) -> Packet | None:
         """Return the answer to a request; None for one that is unknown or too short."""
@@ -58,27 +64,22 @@ class CrazyflieLog:
             variable = int.from_bytes(data[3:], "little")
             if variable >= len(TABLE):
                 return NO_SUCH
-            self._blocks[block] = variable
+            self._blocks[block] = variable, 0.0, math.inf
             return log.NEW
         if command == log.START_BLOCK and block in self._blocks:
-            self._period_s[block] = 0.01 * data[2]
-            self._due_s[block] = now_s
+            self._blocks[block] = self._blocks[block][0], 0.01 * data[2], now_s
             return log.NEW
         return NO_SUCH
 
-    def due(self, now_s: float, flown_s: float) -> list[Packet]:
+    def due(self, now_s: float, voltage_v: float) -> list[Packet]:
         """Return the data that are due."""
-        packets = []
-        for block, due_s in self._due_s.items():
-            if now_s < due_s:
-                continue
-            self._due_s[block] = now_s + self._period_s[block]
-            voltage_v = FULL_V - (FULL_V - EMPTY_V) * min(flown_s / ENDURANCE_S, 1.0)
-            value = voltage_v if TABLE[self._blocks[block]] == log.VARIABLE else math.nan
-            stamp = (round(1000 * now_s) % 2**24).to_bytes(3, "little")
-            packets.append(
-                Packet(log.LOG, log.DATA_CHANNEL, bytes((block,)) + stamp + struct.pack("<f", value))
-            )
+        packets, stamp = [], (round(1000 * now_s) % 2**24).to_bytes(3, "little")
+        for block, (variable, period_s, due_s) in self._blocks.items():
+            if now_s >= due_s:
+                self._blocks[block] = variable, period_s, now_s + period_s
+                value = voltage_v if TABLE[variable] == log.VARIABLE else math.nan
+                data = bytes((block,)) + stamp + struct.pack("<f", value)
+                packets.append(Packet(log.LOG, log.DATA_CHANNEL, data))
         return packets
 
 
@@ -97,7 +98,7 @@ class Crazyflie(UdpVehicle):
     `state`: what the supervisor reports. `supervisor`: decides whether motors may run. `motors_run`: whether
     they get thrust. `rejected`: packets that the firmware ignored, by reason. `settings`: how set points
     become the pulse widths that the simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless
-    ones wait for a request. `flown_s`: for how long the motors have run with this battery, which then ends.
+    ones wait for a request. `voltage_v`: of the battery, as it was last measured.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class Crazyflie(UdpVehicle):
     def power_cycle(self, now_s: float) -> None:
         """Start anew with a full battery, which ends every stop."""
         self.powered = True
-        self._log, self.flown_s = CrazyflieLog(), 0.0
+        self._log, self.voltage_v, self._renewed = CrazyflieLog(), battery_voltage_v(0.0, 0.0), True
         self._console: deque[crtp.Packet] = deque()
         self._unlocked = self._restarts = False
         self._set_point, self._received_s = AttitudeSetPoint(), -math.inf
@@ -146,7 +147,7 @@ class Crazyflie(UdpVehicle):
             self.rejected[str(error)] += 1
             return []
         self._note(now_s)
-        answers += [*self._log.due(now_s, self.flown_s), *self._console]
+        answers += [*self._log.due(now_s, self.voltage_v), *self._console]
         self._console.clear()
         return [answer.to_bytes() for answer in answers]
 
@@ -180,9 +181,9 @@ class Crazyflie(UdpVehicle):
         """Restart with the second of two packets; the battery keeps its charge."""
         begun, self._restarts = self._restarts, packet == crtp.RESTART[0]
         if begun and packet == crtp.RESTART[1]:
-            flown_s = self.flown_s
+            voltage_v, renewed = self.voltage_v, self._renewed
             self.power_cycle(now_s)
-            self.flown_s, self._running_s = flown_s, now_s + BOOT_S
+            self.voltage_v, self._renewed, self._running_s = voltage_v, renewed, now_s + BOOT_S
 
     def _take(self, set_point: AttitudeSetPoint, now_s: float) -> None:
         self._unlocked = self._unlocked or set_point.thrust == 0
@@ -191,7 +192,13 @@ class Crazyflie(UdpVehicle):
         self.frames.append(SerialFrame(now_s, pulses_us, kill=self.state.locked))
 
     def sense(self, plant: Plant) -> None:
-        """Measure the specific force on its body: by the floor, or by the change of its velocity."""
+        """Measure the specific force on its body, by floor or change of velocity, and the voltage."""
+        if self._renewed:
+            plant.renew_battery()
+            self._renewed = False
+        self.voltage_v = battery_voltage_v(plant.used, plant.load)
+        if self.powered and plant.used >= 1.0:
+            self.switch_off()
         velocity, pose = (plant.time_s, *plant.motion[4:7]), plant.pose
         elapsed_s, *change = [new - old for new, old in zip(velocity, self._sensed or velocity, strict=True)]
         self._sensed = velocity
@@ -203,12 +210,9 @@ class Crazyflie(UdpVehicle):
         self.supervisor.force_g = STANDING_G if plant.on_floor else (up_g, across_g)
 
     def advance(self, now_s: float) -> None:
-        """Let the supervisor decide until `now_s`, and use the battery."""
+        """Let the supervisor decide until `now_s`."""
         self._supervise(now_s)
-        self.flown_s += self.motors_run * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
-        if self.powered and self.flown_s >= ENDURANCE_S:
-            self.switch_off()
 
     def _supervise(self, now_s: float) -> None:
         idle = LEAST_THRUST if self._arms_itself else IDLE_THRUST

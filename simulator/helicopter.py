@@ -245,7 +245,7 @@ class Helicopter(Plant):
         tilting = self._tilt_per_slope * wake.slope_x_per_s2, self._tilt_per_slope * wake.slope_y_per_s2
         volume = conditions.volume_min_m, conditions.volume_max_m
         left = self.faults.thrust_factor
-        around = Surroundings(*battery, self._load, left, wake.down_m_s2, tilting, *volume)
+        around = Surroundings(*battery, self.load, left, wake.down_m_s2, tilting, *volume)
         turbulence = STILL_AIR
         if self._weather is not None:
             turbulence = self._weather.between(self.time_s, self.time_s + count * step_s)

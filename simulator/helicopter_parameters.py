@@ -32,7 +32,10 @@ class Rotors(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class HelicopterParameters:
-    """Parameters of one helicopter; SI units, sticks as fractions of full stick."""
+    """Parameters of one helicopter; SI units, sticks as fractions of full stick.
+
+    Defaults are those of the middle of the family, of any size.
+    """
 
     size: float  # time scale against the CoaX; the other numbers are those of this size
     mass_kg: float
@@ -46,22 +49,22 @@ class HelicopterParameters:
     rotor_lag_s: Rotors
     phase_per_speed_s: Rotors  # slope of the phase lag over the rotor speed
     phase_at_rest_rad: Rotors
-    swash_limit_rad: float
-    swash_gain_rad: tuple[float, float]  # swash plate tilt per unit of pitch and roll stick
-    thrust_gain_m_s2: float  # thrust over mass per stick with a full battery, away from the floor
-    yaw_rate_gain_rad_s: float  # yaw rate that the gyro holds per unit of yaw stick
+    swash_limit_rad: float = 15 * DEGREE
+    swash_gain_rad: tuple[float, float] = (1.0, 1.0)  # swash plate tilt per unit of pitch and roll stick
+    thrust_gain_m_s2: float = 18.0  # thrust over mass per stick with a full battery, away from the floor
+    yaw_rate_gain_rad_s: float = 22.2  # yaw rate that the gyro holds per unit of yaw stick
     yaw_gyro_gain_per_s: float  # yaw acceleration that the gyro asks for per error of the yaw rate
-    drag_per_s: tuple[float, float]  # translational drag over mass along body x and y, positive
+    drag_per_s: tuple[float, float] = (0.5, 0.4)  # translational drag over mass along body x and y, positive
     flapping_rad_s_m: float  # tilting back by airspeed [rad/s^2 per m/s]: the rotors flap
     flapping_phase_rad: float = 0.0  # direction of that tilt against the airspeed's, to the left
-    added_damping: float  # aerodynamic damping of pitch and roll as a damping ratio of the fast mode
-    servo_lag_s: tuple[float, float]  # first-order lags of the pitch and roll servos
-    servo_step: float  # resolution of the servos and half-width of their dead band
-    trim: tuple[float, float, float, float]  # offset of every stick
-    marker_roll_rad: float  # rotation of the markers against the body, about body x
-    marker_pitch_rad: float
-    ground_effect: float  # fraction by which the thrust is larger on the floor
-    ground_effect_height_m: float  # height over which the ground effect decays by e
+    added_damping: float = 0.3  # aerodynamic damping of pitch and roll as a damping ratio of the fast mode
+    servo_lag_s: tuple[float, float] = (0.03, 0.03)  # first-order lags of the pitch and roll servos
+    servo_step: float = 1 / 200  # resolution of the servos and half-width of their dead band
+    trim: tuple[float, float, float, float] = (0.015, -0.015, 0.0, 0.01)  # offset of every stick
+    marker_roll_rad: float = -1.75 * DEGREE  # rotation of the markers against the body, about body x
+    marker_pitch_rad: float = 1.75 * DEGREE
+    ground_effect: float = 0.075  # fraction by which the thrust is larger on the floor
+    ground_effect_height_m: float = 0.1  # height over which the ground effect decays by e
     yaw_hold_per_s: float = 0.0  # yaw rate that the gyro asks for per turn that it missed: heading hold
     servo_axes_rad: tuple[float, float] = (0.0, 0.0)  # turn of the pitch and roll servos' axes to the left
     delay_s: float | None = None  # transport delay; None for that of the vehicle's type
@@ -87,21 +90,8 @@ class HelicopterParameters:
             rotor_lag_s=Rotors(0.185 * size, 0.115 * size),
             phase_per_speed_s=Rotors(-0.001282 * size, 0.001282 * size),
             phase_at_rest_rad=Rotors(0.1789, -0.0094),
-            swash_limit_rad=15 * DEGREE,
-            swash_gain_rad=(1.0, 1.0),
-            thrust_gain_m_s2=18.0,
-            yaw_rate_gain_rad_s=22.2,
             yaw_gyro_gain_per_s=5.0 * NOMINAL_SIZE / size,
-            drag_per_s=(0.5, 0.4),
             flapping_rad_s_m=NOMINAL_FLAPPING_RAD_S_M * (NOMINAL_SIZE / size) ** 3,
-            added_damping=0.3,
-            servo_lag_s=(0.03, 0.03),
-            servo_step=1 / 200,
-            trim=(0.015, -0.015, 0.0, 0.01),
-            marker_roll_rad=-1.75 * DEGREE,
-            marker_pitch_rad=1.75 * DEGREE,
-            ground_effect=0.075,
-            ground_effect_height_m=0.1,
         )
         return vehicle.rigged(NOMINAL_PLATEAU_M_S2)
 

@@ -81,10 +81,10 @@ class Plant(ABC):
     """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume; subclasses add
     dynamics.
 
-    Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
-    before), `motors_running`, `left_volume` (since the start or the last `place`), `keeps_attitude` (a
-    firmware does), and two that may be set at any time: `wake`, and `faults`, of which those of the sticks
-    act from the next input on.
+    Public besides the methods: `load` (use of the battery, 1 in a hover), `on_floor`, `touchdowns`,
+    `touchdown_speed_m_s` (of the last one, None before), `motors_running`, `left_volume` (since the start or
+    the last `place`), `keeps_attitude` (a firmware does), and two that may be set at any time: `wake`, and
+    `faults`, of which those of the sticks act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -109,6 +109,8 @@ class Plant(ABC):
         self._first_frame_s = self._radio_s * float(random_stream(seed, name, RADIO).uniform())
         self.time_s = 0.0  # flown since the start
         self._hover_seconds_used = 0.0
+        endurance_s, full_s = conditions.battery_endurance_s, conditions.charging_s
+        self._charged_per_s = endurance_s / full_s if full_s else 0.0
         self.wake = STILL
         self.faults = PlantFaults()
         self.keeps_attitude = model.airframe == "attitude"
@@ -161,10 +163,14 @@ class Plant(ABC):
         return self.pose
 
     @property
+    def used(self) -> float:
+        """Share of its charge that the battery has lost."""
+        return min(self._hover_seconds_used / self._conditions.battery_endurance_s, 1.0)
+
+    @property
     def thrust_factor(self) -> float:
         """Thrust gain that the battery has left, as a fraction of the full battery's."""
-        used = min(self._hover_seconds_used / self._conditions.battery_endurance_s, 1.0)
-        return 1.0 - self._conditions.battery_sag * used
+        return 1.0 - self._conditions.battery_sag * self.used
 
     def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
         """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; they act after the transport
@@ -223,21 +229,24 @@ class Plant(ABC):
                 for axis, stick in enumerate(inputs)
             ]
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
-        # Consumption from the battery as a fraction of that of hovering.
-        self._load = self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
+        self.load = self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
         self._command(inputs)
 
     def _substeps(self, count: int, step_s: float) -> int:
         """Advance by some substeps, `count` at most; returns how many."""
         if not self.on_floor:
             return self._fly_on(count, step_s)
-        self._use_battery(step_s * self._load)
+        self._use_battery(step_s * (self.load if self.motors_running else -self._charged_per_s))
         self.on_floor = self._stand(step_s) <= self._gravity_m_s2
         self.time_s += step_s
         return 1
 
+    def renew_battery(self) -> None:
+        """Put a full battery in."""
+        self._use_battery(-self._hover_seconds_used)
+
     def _use_battery(self, hover_seconds: float) -> None:
-        self._hover_seconds_used += hover_seconds
+        self._hover_seconds_used = max(self._hover_seconds_used + hover_seconds, 0.0)
         self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
 
     def _touch_down(self, speed_m_s: float) -> None:
@@ -272,7 +281,7 @@ class SteppedPlant(Plant):
     """A plant that flies one substep after the other."""
 
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
-        self._use_battery(step_s * self._load)
+        self._use_battery(step_s * self.load)
         x, y, z, yaw = CALM if self._weather is None else self._weather.at(self.time_s + step_s / 2)
         self._fly(step_s, (x, y, z - self.wake.down_m_s2, yaw))
         self._meet_room()

@@ -3,7 +3,7 @@
 import math
 import random
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from rcopterx.simulator import faults
@@ -111,24 +111,6 @@ class TrackerFaults:
     ) -> tuple[TrackedBody, ...]:
         """Return the bodies as they appear under one fault."""
         match entry.fault:
-            case faults.DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
-                age_s = self._now_s - entry.started_s
-                by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
-                return _replaced(bodies, name, lambda body: _moved(body, by_m))
-            case faults.AddNoise(deviation_m=deviation_m):
-                return tuple(self._noisy(body, deviation_m) for body in bodies)
-            case faults.StandIn(subject=name, deviation_m=deviation_m):
-                return _replaced(bodies, name, lambda body: self._noisy(body, deviation_m))
-            case faults.TurnPose(subject=name, yaw_rad=yaw_rad):
-                return _replaced(bodies, name, lambda body: _turned(body, yaw_rad))
-            case faults.Millimetres():
-                return tuple(_scaled(body, 1000.0) for body in bodies)
-            case faults.Occlude(subject=name):
-                return _replaced(bodies, name, lambda body: body._replace(occluded=True))
-            case faults.SetQuality(subject=name, quality=quality):
-                return _replaced(bodies, name, lambda body: body._replace(quality=quality))
-            case faults.RenameRootSegment(subject=name, segment=segment):
-                return _replaced(bodies, name, lambda body: body._replace(root_segment=segment))
             case faults.RemoveSubject(subject=name):
                 return tuple(body for body in bodies if body.name != name)
             case faults.AddSubject(subject=name, position_m=position_m):
@@ -136,8 +118,33 @@ class TrackerFaults:
                 return bodies if listed else (*bodies, TrackedBody(name, position_m))
             case faults.SwapSubjects(subject=first, other=second):
                 return _swapped(bodies, first, second)
-            case _:
-                return bodies
+            case fault:
+                only = fault.subject if isinstance(fault, faults.SubjectFault) else None
+                return tuple(
+                    self._body_under(entry, body) if only in (None, body.name) else body for body in bodies
+                )
+
+    def _body_under(self, entry: faults.Lasting[faults.LastingFault], body: TrackedBody) -> TrackedBody:
+        """Return a body as it appears under a fault that concerns it."""
+        match entry.fault:
+            case faults.DisplacePose(offset_m=offset_m, velocity_m_s=velocity_m_s):
+                age_s = self._now_s - entry.started_s
+                by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
+                return _moved(body, by_m)
+            case faults.AddNoise(deviation_m=deviation_m) | faults.StandIn(deviation_m=deviation_m):
+                return _moved(body, [self._random.gauss(0.0, deviation_m) for _ in range(3)])
+            case faults.TurnPose(yaw_rad=yaw_rad):
+                return _turned(body, yaw_rad)
+            case faults.Millimetres():
+                x, y, z = body.position_m
+                return body._replace(position_m=(1000.0 * x, 1000.0 * y, 1000.0 * z))
+            case faults.Occlude():
+                return body._replace(occluded=True)
+            case faults.SetQuality(quality=quality):
+                return body._replace(quality=quality)
+            case faults.RenameRootSegment(segment=segment):
+                return body._replace(root_segment=segment)
+        return body
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
@@ -145,9 +152,6 @@ class TrackerFaults:
         seen = {body.name: body for body in bodies}
         self._frozen = {name: self._frozen.get(name, seen[name]) for name in names & seen.keys()}
         return tuple(self._frozen.get(body.name, body) for body in bodies)
-
-    def _noisy(self, body: TrackedBody, deviation_m: float) -> TrackedBody:
-        return _moved(body, [self._random.gauss(0.0, deviation_m) for _ in range(3)])
 
     def _subjects_with(self, kind: type[faults.FreezePose | faults.StandIn | faults.AddSubject]) -> set[str]:
         return {fault.subject for fault in self.table.active if isinstance(fault, kind)}
@@ -171,12 +175,6 @@ class TrackerFaults:
                 )
 
 
-def _replaced(
-    bodies: tuple[TrackedBody, ...], name: str, change: Callable[[TrackedBody], TrackedBody]
-) -> tuple[TrackedBody, ...]:
-    return tuple(change(body) if body.name == name else body for body in bodies)
-
-
 def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:
     x, y, z = (place + by for place, by in zip(body.position_m, by_m, strict=True))
     return body._replace(position_m=(x, y, z))
@@ -188,11 +186,6 @@ def _turned(body: TrackedBody, yaw_rad: float) -> TrackedBody:
     sine, cosine = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
     turned = (x * cosine + y * sine, y * cosine - x * sine, z * cosine + w * sine, w * cosine - z * sine)
     return body._replace(quaternion_xyzw=turned)
-
-
-def _scaled(body: TrackedBody, factor: float) -> TrackedBody:
-    x, y, z = body.position_m
-    return body._replace(position_m=(factor * x, factor * y, factor * z))
 
 
 def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[TrackedBody, ...]:

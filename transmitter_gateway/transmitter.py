@@ -62,7 +62,7 @@ class Transmitter:
         self.output = ArbiterOutput(State.DISARMED)  # newest decision
         self._pending = self._due_now = False
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
-        self.battery = BatteryWatch(settings.battery)
+        self.battery = BatteryWatch(settings.battery, hover)
         self._range_check = self._shutdown = self._ready = False
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
@@ -367,14 +367,14 @@ class Transmitter:
         """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
-        state, problem = self.arbiter.state, None
-        flying = state in FLYING
-        self.battery.observe(self.protocol.voltage_v(now_s), now_s, there=module.ready, flying=flying)
+        flying, problem = self.arbiter.state in FLYING, None
+        voltage_v = self.protocol.voltage_v(now_s)
+        self.battery.observe(voltage_v, now_s, there=module.ready, flying=flying, u=self.output.u)
         if not flying:
             self._returned_s = -math.inf
         if not self.port.is_open and not (flying and now_s < self._too_late_s):
             problem = self.port.problem
-        if state is State.ARMED and now_s < self._returned_s + REPOWERED_S and self._on_floor:
+        if self.arbiter.state is State.ARMED and now_s < self._returned_s + REPOWERED_S and self._on_floor:
             problem = "it may stand on the floor"
         link = self._link(module, now_s) if problem is None else LinkState.LOST
         self._ready = link is LinkState.READY

@@ -247,10 +247,7 @@ class SignProof:
 
 
 def _reading(seen: "_Regression", shown: bool) -> int | None:
-    """Number of the reading that pitch and roll have shown, None without certainty.
-
-    `shown`: all pulses have been answered.
-    """
+    """Number of the reading of pitch and roll, None without certainty; `shown`: all pulses are answered."""
     found = seen.fitted()
     if found is None:
         return None

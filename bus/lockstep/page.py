@@ -85,6 +85,11 @@ class LockstepPage(ctypes.Structure):
             self.used_participants = index + 1
             return index
 
+    def participant(self, name: str) -> ParticipantState:
+        """Return a process, which is added if missing."""
+        found: ParticipantState = self.participants[self.index_of(name)]
+        return found
+
     def pipe(self, index: int) -> Path:
         """Return the pipe that wakes a process."""
         return self.path.with_name(f"{self.path.name}.{index}")
@@ -131,7 +136,7 @@ def create_page(path: Path, names: Iterable[str]) -> None:
     page = opened_page(path)
     page.time_s, page.turn = FIRST_S, 1
     for name in names:
-        page.participants[page.index_of(name)].wanted = 1
+        page.participant(name).wanted = 1
 
 
 def remove_page(path: Path) -> None:
@@ -150,20 +155,15 @@ class LockstepTime:
         """Begin when all these processes are there."""
         create_page(self._path, processes)
 
-    def _participant(self, name: str) -> ParticipantState:
-        page = opened_page(self._path)
-        participant: ParticipantState = page.participants[page.index_of(name)]
-        return participant
-
     def lived_s(self, process: str) -> float:
         """Return, once, for how long a process that has died took turns [s]; 0 if it never did."""
-        participant = self._participant(process)
+        participant = opened_page(self._path).participant(process)
         lived_s, participant.lived_s = float(participant.lived_s), 0.0
         return lived_s
 
     def want(self, process: str, wanted: bool) -> None:
         """Wait for a process that is started, or end one at the present time."""
-        participant = self._participant(process)
+        participant = opened_page(self._path).participant(process)
         participant.wanted, participant.to_be_killed = wanted, not wanted and participant.process > 0
 
     def want_none(self) -> None:

@@ -174,11 +174,11 @@ class Participant:
 
     def kill(self, name: str) -> None:
         """Let the scheduler kill a process after the next turn; time waits for its successor after 0.3 s."""
-        self.page.participants[self.page.index_of(name)].to_be_killed = 1
+        self.page.participant(name).to_be_killed = 1
 
     def stop(self, name: str, seconds: float) -> None:
         """Let a process take no turns for a time, as if it were stopped."""
-        participant = self.page.participants[self.page.index_of(name)]
+        participant = self.page.participant(name)
         participant.return_s, participant.called = self.page.now() + seconds, 1
 
     def call(self) -> None:
@@ -310,6 +310,6 @@ class LockstepInbox:
 def join_without_turns(path: Path, name: str) -> None:
     """Enter a process that takes no turns, so that the time of the fleet need not wait for it."""
     page = opened_page(path)
-    participant = page.participants[page.index_of(name)]
+    participant = page.participant(name)
     participant.return_s = inf
     participant.process = os.getpid()

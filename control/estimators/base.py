@@ -203,11 +203,7 @@ class PoseEstimator(ABC):
     def _accept(
         self, measurement: Measurement, predicted: Array, deviation: Array
     ) -> tuple[bool, Array | None]:
-        """Return whether a pose is accepted, and the pose to correct by, if any; perhaps move there.
-
-        `predicted` is the pose that it is compared with, `deviation` the standard deviation of their
-        difference; both have shape (4,).
-        """
+        """Return whether a pose is accepted, compared with one of shape (4,), and the one to correct by."""
         if not _readable(measurement):
             self._gate.rejected += 1
             return False, None

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Concatenate, Final, ParamSpec
 
 from msgspec import convert
@@ -148,10 +149,18 @@ def follow_several(
 
 
 @step
-def lead(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
-    """Have a vehicle stop following."""
-    say(f"{name}: leads")
-    fleet[name].lead()
+def _requested(
+    fleet: Fleet, say: Say, _wait: Wait, words: str, request: Callable[[Fleet, str], str | None], name: str
+) -> None:
+    """Request something of a vehicle, and show the words with the answer, if there is one."""
+    answer = request(fleet, name)
+    say(f"{name}: {words}" + (f"; {answer}" if answer else ""))
+
+
+lead = partial(_requested, "leads", lambda fleet, name: fleet[name].lead())
+leave = partial(_requested, "leaves", lambda fleet, name: fleet.leave(name))
+join = partial(_requested, "joins", lambda fleet, name: fleet.join(name))
+promote = partial(_requested, "leads the formation", lambda fleet, name: "; ".join(fleet.promote(name)))
 
 
 @step
@@ -173,28 +182,9 @@ def identify(fleet: Fleet, say: Say, _wait: Wait, name: str, seconds: float) -> 
 
 
 @step
-def promote(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
-    """Make a vehicle the leader of its formation; all vehicles keep their places."""
-    say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
-
-
-@step
 def tune(fleet: Fleet, say: Say, _wait: Wait, /, name: str, **settings: Any) -> None:
     """Give a vehicle another controller or other settings, as `Vehicle.tune`."""
     say(f"{name}: flies with {fleet[name].tune(**settings)}")
-
-
-@step
-def leave(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
-    """Have a vehicle leave: it lands and its agent ends."""
-    say(f"{name}: leaves")
-    fleet.leave(name)
-
-
-@step
-def join(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
-    """Have a vehicle join again: its agent starts, it takes off and follows its leaders."""
-    say(f"{name}: joins; {fleet.join(name)}")
 
 
 @step

@@ -58,8 +58,8 @@ def causes_of(state: VehicleState) -> Iterator[Cause]:
         yield Cause("its agent does not report", "red", remedy, name)
     if state.airborne and state.seen_age_s is not None and state.seen_age_s > UNSEEN_S and not state.silent:
         yield Cause("the motion capture does not see it", "amber", "uncover its markers", name)
-    if state.transmitter is not None and state.airborne and battery_low(state):
-        yield Cause(f"low voltage: {voltage(state.transmitter)}", "amber", CHARGE, name)
+    if state.airborne and battery_low(state):
+        yield Cause(f"low voltage: {voltage(state)}", "amber", CHARGE, name)
     if agent is None:
         return
     if agent.following_mode != "follow":

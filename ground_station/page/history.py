@@ -20,7 +20,6 @@ def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float
     agent, plan = state.agent, state.plan
     flown = plan.reference if plan is not None and plan.airborne else None
     yaw_rad = None if agent is None else agent.yaw_rad
-    battery = None if state.transmitter is None else state.transmitter.battery
     values = (
         *(state.place_m or 3 * (None,)),
         None if yaw_rad is None else shown_heading_deg(yaw_rad),
@@ -28,7 +27,7 @@ def sample_of(state: VehicleState, sticks: Sequence[float] | None) -> list[float
         None if state.error_m is None else 1000.0 * state.error_m,
         *(sticks or 4 * (None,)),
         None if agent is None else agent.diagnostics.solve_ms_p50,
-        None if battery is None else battery.voltage_v,
+        None if state.battery is None else state.battery.voltage_v,
         state.latency_ms.get(TOTAL, {}).get("p50"),
     )
     return [

@@ -54,12 +54,10 @@ def taken_over(state: VehicleState) -> Words:
 
 
 def battery(state: VehicleState) -> Words:
-    """Voltage, or the share of the thrust that hovering needs; empty if neither is known."""
-    status = None if state.transmitter is None else state.transmitter.battery
-    if status is not None:
-        return Words(f"{status.voltage_v:.2f} V", "red" if battery_low(state) else "calm")
+    """Voltage and least flight time, or the share of the thrust that hovering needs; empty if unknown."""
     share = None if state.agent is None else state.agent.diagnostics.hover_thrust
-    return Words("" if share is None else f"hover {100 * share:.0f} %", "calm")
+    hovers = "" if share is None else f"hover {100 * share:.0f} %"
+    return Words(state.battery_text.partition(" left")[0] or hovers, "red" if battery_low(state) else "calm")
 
 
 def radio(state: VehicleState) -> Words:

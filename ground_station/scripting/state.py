@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.load import LATE_SHARE
-from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
+from rcopterx.bus.messages import AgentStatus, Battery, LeaderLink, Plan, TransmitterStatus
 from rcopterx.vehicles.phases import AIRBORNE
 
 LONG_AGO_S: Final = 120.0  # ages from here on are given in minutes
@@ -79,6 +79,21 @@ class VehicleState:
     def transmitter_state(self) -> str:
         """State of the arbiter, `unknown` without a status."""
         return "unknown" if self.transmitter is None else self.transmitter.state
+
+    @property
+    def battery(self) -> Battery | None:
+        """Its battery: voltage, remaining flight time and so on; None if its radio does not report it."""
+        return None if self.transmitter is None else self.transmitter.battery
+
+    @property
+    def battery_text(self) -> str:
+        """Voltage of its battery, and how long it still flies, in words; empty if unknown."""
+        if (battery := self.battery) is None:
+            return ""
+        text = f"{battery.voltage_v:.2f} V" + ", charged" * battery.charged
+        if battery.left_s is None:
+            return text
+        return f"{text}, {battery.left_s[0] / 60.0:.1f} min left, at most {battery.left_s[1] / 60.0:.1f}"
 
     @property
     def firmware_armed(self) -> bool | None:
@@ -170,6 +185,7 @@ class VehicleState:
                 words.append(f"heading {shown_heading_deg(self.agent.yaw_rad)} deg")
         if self.error_m is not None:
             words.append(f"error {1000 * self.error_m:.0f} mm")
+        words += filter(None, [self.battery_text])
         return f"{self.name}: {', '.join(words)}"
 
     def __repr__(self) -> str:

@@ -26,11 +26,12 @@ battery = {{ {battery} }}
 @pytest.mark.parametrize(
     ("battery", "expected"),
     [
-        ("", BatteryLimits(3.2, 3.0, 4.2)),
-        ("warn_v = 3.35", BatteryLimits(3.35, 3.0, 4.2)),
-        ("land_v = 0", BatteryLimits(3.2, 0.0, 4.2)),
-        ("warn_v = 7.2, land_v = 6.8", BatteryLimits(7.2, 6.8, None)),
-        ("warn_v = 7.2, land_v = 6.8, full_v = 8.4", BatteryLimits(7.2, 6.8, 8.4)),
+        ("", BatteryLimits(3.2, 3.0, 4.2, 420.0)),
+        ("warn_v = 3.35", BatteryLimits(3.35, 3.0, 4.2, 420.0)),
+        ("land_v = 0", BatteryLimits(3.2, 0.0, 4.2, 420.0)),
+        ("warn_v = 7.2, land_v = 6.8", BatteryLimits(7.2, 6.8, None, 420.0)),
+        ("hover_s = 300", BatteryLimits(3.2, 3.0, 4.2, 300.0)),
+        ("warn_v = 7.2, land_v = 6.8, full_v = 8.4", BatteryLimits(7.2, 6.8, 8.4, 420.0)),
     ],
 )
 def test_voltages_of_the_file_go_before_those_of_the_type(battery: str, expected: BatteryLimits) -> None:

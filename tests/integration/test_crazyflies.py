@@ -32,9 +32,9 @@ WEAK = """
 type = "crazyflie"
 subject = "heli3"
 transmitter = {{ port = "{}" }}
-battery = {{ warn_v = 4.18, land_v = 4.165 }}
+battery = {{ warn_v = 3.8, land_v = 3.76 }}
 """
-"""The voltage of an emulated battery falls by 0.1 V in 26 s of flight."""
+"""The voltage of a full emulated battery falls to 3.84 V in a hover, and by 0.1 V in the next 30 s."""
 STOPPED_S = 1.0
 """Very loose, for a busy machine; `test_kill_times` measures."""
 
@@ -93,7 +93,7 @@ def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_n
     fleet.wait_until(warned, 30, "no warning")
     assert fleet.state_of("h3").airborne
     fleet.wait_until(lambda: transmitter_state(flying, "h3") == "land", 30, "does not land")
-    assert "battery empty: below 4.165 V for 5 s" in fleet.state_of("h3").reason
+    assert "battery empty: below 3.76 V for 5 s" in fleet.state_of("h3").reason
     fleet.wait_until(lambda: transmitter_state(flying, "h3") in ("cut", "disarmed"), 30, "not landed")
     vehicle = truth("h3")
     assert vehicle is not None

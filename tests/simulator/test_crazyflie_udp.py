@@ -63,7 +63,7 @@ def bench() -> Iterator[Bench]:
 
 def test_a_port_opens_when_the_vehicle_answers_and_the_vehicle_flies(bench: Bench) -> None:
     assert bench.run(0.5)[-1] is WriteOutcome.WRITTEN
-    assert bench.text == "ready, 4.20 V, link 100 %"
+    assert bench.text == "ready, 4.19 V, link 100 %"
     bench.run(0.5, HOVER)
     assert bench.vehicle.motors_run
     assert bench.radio.reception.take_outputs()[-1][1][0] == pytest.approx(1540.0)
@@ -77,7 +77,7 @@ def test_nobody_there_is_a_closed_port_that_opens_later(bench: Bench) -> None:
     assert bench.path in bench.text
     bench.radio = bench.switched_on()
     bench.run(0.5)
-    assert bench.text == "ready, 4.20 V, link 100 %"
+    assert bench.text == "ready, 4.19 V, link 100 %"
 
 
 def test_a_radio_that_is_unplugged_in_flight_is_noticed_and_the_vehicle_stops_itself(bench: Bench) -> None:

@@ -4,13 +4,15 @@ import struct
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.conditions import IDEAL
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.set_points import AttitudeSetPoint
-from rcopterx.simulator.crazyflie import Crazyflie
+from rcopterx.simulator.crazyflie import Crazyflie, battery_voltage_v
 from rcopterx.simulator.crazyflie_supervisor import (
     BLOCKED_S,
     FLYING_S,
@@ -241,6 +243,33 @@ def test_a_set_point_is_what_the_vehicle_gets() -> None:
     [last] = vehicle.take_frames()[-1:]
     assert (last.arrival_s, last.pulses_us[0]) == (0.5, pytest.approx(1580.0))
     assert struct.calcsize("<fffH") == len(crtp.set_point_packet(FLY).data)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
+def test_the_voltage_falls_with_the_charge_and_with_the_load(used: float, more: float, load: float) -> None:
+    voltage_v = battery_voltage_v(used, load)
+    assert 0.0 <= battery_voltage_v(min(used + more, 1.0), load) <= voltage_v <= 4.2
+    assert battery_voltage_v(used, load + 0.1) <= voltage_v
+
+
+def test_the_battery_of_its_body_is_measured_ends_its_power_and_is_full_after_a_power_cycle() -> None:
+    vehicle = Crazyflie(SETTINGS)
+    conditions = replace(IDEAL, battery_endurance_s=10.0)
+    plant = FirstOrderPlant("c1", QUADROTOR, conditions, 0, BodyPose((0.0, 0.0, 5.0)))
+    plant.set_input((0.0, 0.0, HOVER_THRUST, 0.0))
+    plant.advance(5.0)
+    vehicle.sense(plant)
+    assert plant.used == 0.0, "a vehicle that was just switched on has a full battery"
+    plant.advance(5.0)
+    vehicle.sense(plant)
+    assert vehicle.voltage_v == pytest.approx(battery_voltage_v(0.5, 1.0), abs=0.02)
+    plant.advance(6.0)
+    vehicle.sense(plant)
+    assert not vehicle.powered
+    vehicle.power_cycle(20.0)
+    vehicle.sense(plant)
+    assert vehicle.powered
+    assert vehicle.voltage_v > 3.7
 
 
 def test_without_its_battery_nothing_runs_and_nothing_answers() -> None:

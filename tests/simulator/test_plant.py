@@ -207,6 +207,24 @@ def test_battery_sag_takes_thrust_over_time() -> None:
     assert fresh.thrust_factor == pytest.approx(0.8)
 
 
+def test_a_battery_charges_while_its_vehicle_stands_with_its_motors_off_and_not_beyond_full() -> None:
+    conditions = replace(PROMPT, battery_endurance_s=10.0, charging_s=40.0)
+    plant = FirstOrderPlant("h1", COAXIAL_LAG, conditions, 0, BodyPose((0.0, 0.0, 0.0)))
+    plant.set_input((0.0, 0.0, 0.5 * HOVER[2], 0.0))
+    plant.advance(10.0)
+    assert plant.on_floor
+    assert plant.used == pytest.approx(0.5, abs=0.01), "half the thrust of a hover"
+    plant.stop_motors()
+    plant.advance(10.0)
+    assert plant.used == pytest.approx(0.25, abs=0.01)
+    plant.advance(60.0)
+    assert plant.used == 0.0
+    plant.set_input(HOVER)
+    plant.advance(2.0)
+    plant.renew_battery()
+    assert plant.used == 0.0
+
+
 def test_parameters_are_drawn_within_the_stated_fractions() -> None:
     draws = []
     for seed in range(30):

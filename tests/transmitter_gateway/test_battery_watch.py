@@ -15,7 +15,7 @@ from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG
 from rcopterx.radios.crtp import Packet
-from rcopterx.simulator.crazyflie import EMPTY_V, ENDURANCE_S, FULL_V, Crazyflie
+from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.transmitter_gateway.battery import PATIENCE_S, BatteryWatch
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 
@@ -50,7 +50,7 @@ class Bench(FirmwareBench):
 
     def discharge(self, voltage_v: float) -> None:
         """Use so much of the battery that it has this voltage."""
-        self.vehicle.flown_s = (FULL_V - voltage_v) / (FULL_V - EMPTY_V) * ENDURANCE_S
+        self.vehicle.voltage_v = voltage_v
 
     def arm(self) -> str:
         self.run(3.0, 0.0)
@@ -135,6 +135,27 @@ def test_an_empty_battery_stays_empty_when_its_voltage_recovers_on_the_floor() -
     watch.observe(None, 30.0, there=False, flying=False)
     watch.observe(4.1, 40.0, there=True, flying=False)
     assert watch.problem(flying=False) is None
+
+
+def test_an_empty_battery_that_is_charged_on_the_floor_may_fly_again() -> None:
+    watch = BatteryWatch(LIMITS)
+    for now_s in (0.0, PATIENCE_S):
+        watch.observe(2.9, now_s, there=True, flying=True)
+    for voltage_v, charged in ((3.9, False), (4.17, True)):
+        watch.observe(voltage_v, 60.0, there=True, flying=False)
+        assert watch.status is not None
+        assert watch.status.charged is charged
+        assert (watch.problem(flying=False) is None) is charged
+
+
+def test_the_status_has_the_flight_time_that_is_left_in_flight_only() -> None:
+    watch = BatteryWatch(BatteryLimits(3.2, 3.0, 4.2, hover_s=400.0), hover_thrust=0.5)
+    watch.observe(4.2, 0.0, there=True, flying=False)
+    assert watch.status is not None
+    assert watch.status.left_s is None
+    for now_s in (0.0, 100.0):
+        watch.observe(3.8, now_s, there=True, flying=True, u=(0.0, 0.0, 0.5, 0.0))
+    assert watch.status.left_s == (pytest.approx(0.9 * 0.95 * 400.0 - 100.0), pytest.approx(340.0))
 
 
 @given(st.lists(st.floats(2.0, 4.5), max_size=40), st.floats(0.1, 2.0))

@@ -132,6 +132,4 @@ class Turns:
         del self._running[name]
 
     def _state(self, name: str) -> ParticipantState:
-        page = opened_page(self.page)
-        state: ParticipantState = page.participants[page.index_of(name)]
-        return state
+        return opened_page(self.page).participant(name)

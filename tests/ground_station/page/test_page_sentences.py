@@ -18,6 +18,7 @@ from rcopterx.ground_station.page.sentences import (
     radio,
 )
 from rcopterx.ground_station.page.view import fleet_shown
+from rcopterx.ground_station.quantities import voltage
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="by h1", link="open", module="no module", ready=True)
@@ -98,6 +99,26 @@ def test_a_battery_is_its_voltage_else_the_thrust_that_hovering_needs() -> None:
     low = structs.replace(ARMED, battery=Battery(voltage_v=3.1, share=0.08, low=True))
     shown = battery(replace(LEADER, transmitter=low))
     assert (shown.text, shown.level) == ("3.10 V", "red")
+
+
+@pytest.mark.parametrize(
+    ("known", "row", "details"),
+    [
+        (Battery(voltage_v=3.6), "3.60 V", "3.60 V"),
+        (Battery(voltage_v=4.2, charged=True), "4.20 V, charged", "4.20 V, charged"),
+        (
+            Battery(voltage_v=3.6, left_s=(150.0, 200.0)),
+            "3.60 V, 2.5 min",
+            "3.60 V, 2.5 min left, at most 3.3",
+        ),
+    ],
+)
+def test_the_flight_time_that_is_left_is_shown_the_shortest_first(
+    known: Battery, row: str, details: str
+) -> None:
+    state = replace(LEADER, transmitter=structs.replace(ARMED, battery=known))
+    assert (battery(state).text, voltage(state)) == (row, details)
+    assert str(state).endswith(details), "as rcopterx status shows it"
 
 
 def test_a_radio_that_is_not_ready_says_why() -> None:

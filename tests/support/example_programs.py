@@ -1,0 +1,14 @@
+"""Example programs whose parts are tested and flown."""
+
+import sys
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FOLDERS = [str(EXAMPLES), str(EXAMPLES / "rotation")]
+sys.path[:0] = FOLDERS
+import gamepad  # noqa: E402
+import rotation  # noqa: E402
+
+del sys.path[: len(FOLDERS)]
+
+__all__ = ["EXAMPLES", "gamepad", "rotation"]
