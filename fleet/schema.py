@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field
 
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.messages import LeaderLink, Zone
 from rcopterx.user_text import similar
 
 Text = Annotated[str, Meta(min_length=1)]
@@ -329,6 +329,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Access from other computers."""
     volume: VolumeConfig = field(default_factory=VolumeConfig)
     """Flight volume."""
+    zones: dict[Name, Zone] = field(default_factory=dict)
+    """Keep-out zones by name."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
     """The motion capture."""
     simulator: SimulatorConfig | None = None

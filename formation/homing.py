@@ -60,7 +60,8 @@ def free_places(
     """Return a place on the floor for each vehicle: its home, or the nearest free one if that is taken.
 
     Homes are taken by `standing_m`, or by a vehicle before, within the minimum distance of the room; other
-    places are `apart_m` from all vehicles and homes. Without a free place the vehicle is left out.
+    places are `apart_m` from all vehicles and homes; none is in or below a zone. Without a free place the
+    vehicle is left out.
     """
     x_m, y_m = (np.arange(room.min_m[axis], room.max_m[axis], FREE_PLACES_M) for axis in range(2))
     places: dict[str, Array] = {}
@@ -68,7 +69,8 @@ def free_places(
     def free(choice_m: Array, others_m: Iterable[Array], by_m: float) -> Array:
         for other_m in others_m:
             choice_m = choice_m[np.linalg.norm(choice_m[:, :2] - other_m[:2], axis=1) >= by_m]
-        return choice_m
+        over_m = np.array([0.0, 0.0, max(ABOVE_M, room.min_m[2])])
+        return choice_m[[room.barred(np.array([at_m + over_m, at_m])) is None for at_m in choice_m]]
 
     for name, home_m in homes_m.items():
         taken_m = [*standing_m, *places.values()]
@@ -93,6 +95,7 @@ class _Planner:
         self, starts: Array, aims: Array, standing_m: Sequence[Array], room: Room, half_axes_m: Array
     ) -> None:
         self._aims, self._low_m, self._high_m = aims, np.array(room.min_m), np.array(room.max_m)
+        self._room = room
         self._rests = [[np.append(0.0, start)] for start in starts]
         self._floor_m = low_m = float(aims[:, 2].max())
         self._levels_m = np.linspace(min(low_m + half_axes_m[2], room.max_m[2]), room.max_m[2], LEVELS)
@@ -145,7 +148,10 @@ class _Planner:
         for places in ways:
             way = _timed([rests[-1][1:], *places])
             last = math.ceil((ends_s - way[-1][0]) / PERIOD_S)
-            track = self._raised(_path(way).sample(PERIOD_S * np.arange(float(tracks.shape[1])))[:, :3])
+            track = _path(way).sample(PERIOD_S * np.arange(float(tracks.shape[1])))[:, :3]
+            if self._room.barred(track) is not None:
+                continue
+            track = self._raised(track)
             for begin in range(math.ceil(rests[-1][0] / PERIOD_S), last, PAUSE):
                 if _clear(track[: len(track) - begin] - tracks[:, begin:], axes_m):
                     found, ends_s = (way, track, begin), begin * PERIOD_S + way[-1][0]

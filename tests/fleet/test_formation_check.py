@@ -1,10 +1,12 @@
 """Promises of a fleet file's formation: it fits into the volume, and vehicles keep their distance."""
 
+from dataclasses import replace
+
 import pytest
 from support.fleets import PAIR
 
 from rcopterx.deploy.roles.agent import agent_settings
-from rcopterx.fleet.formation_check import check_formation
+from rcopterx.fleet.formation_check import check_formation, room_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -30,12 +32,13 @@ follow = [{ leader = "h2", offset_m = [%s] }]
 )
 def test_formations_that_cannot_be_flown_are_refused(offset: str, words: str) -> None:
     with pytest.raises(FleetError, match=words):
-        check_formation(parse_fleet(PAIR + THIRD % offset), 0.3)
+        check_formation(fleet := parse_fleet(PAIR + THIRD % offset), room_of(fleet))
 
 
 def test_formations_with_room_are_taken_and_so_are_close_ones_without_a_limit() -> None:
-    check_formation(parse_fleet(PAIR + THIRD % "0.4, 0.4, 0.2"), 0.3)
-    check_formation(parse_fleet(PAIR + THIRD % "0.1, 0.0, 0.1"), None)
+    check_formation(fleet := parse_fleet(PAIR + THIRD % "0.4, 0.4, 0.2"), room_of(fleet))
+    close = parse_fleet(PAIR + THIRD % "0.1, 0.0, 0.1")
+    check_formation(close, replace(room_of(close), minimum_distance_m=None))
 
 
 @pytest.mark.parametrize(
