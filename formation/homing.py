@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.references.paths import KNOT_COLUMNS, PEAK_TO_MEAN_SPEED, FlightPath
+from rcopterx.control.references.paths import KNOT_COLUMNS, FlightPath, leg_time_s
 from rcopterx.formation.placement import Room
 from rcopterx.vehicles.state import Array
 
 SPEED_M_S: Final = 0.7  # peaks on a leg, which every type of vehicle can fly
 ACCELERATION_M_S2: Final = 0.8
-PEAK_ACCELERATION: Final = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
 PERIOD_S: Final = 0.25  # between two samples, which straight lines connect
 LONGEST_S: Final = 20.0  # until the last vehicle is above its place
 PAUSE: Final = 2  # samples between two moments at which a way may begin
@@ -84,12 +83,7 @@ def free_places(
 
 
 class _Planner:
-    """Ways as far as they are found, and where vehicles are at every sample.
-
-    `half_axes_m`: of the ellipsoid around a vehicle, shape (3,), for pairs that do not begin or end nearer;
-    those keep the least of these distances. All heights below the highest aim count as that height, so that
-    a vehicle near the floor keeps the column below it.
-    """
+    """Ways as far as they are found, and where vehicles are at every sample."""
 
     def __init__(
         self, starts: Array, aims: Array, standing_m: Sequence[Array], room: Room, half_axes_m: Array
@@ -97,10 +91,12 @@ class _Planner:
         self._aims, self._low_m, self._high_m = aims, np.array(room.min_m), np.array(room.max_m)
         self._room = room
         self._rests = [[np.append(0.0, start)] for start in starts]
+        # All lower heights count as this one, so that a vehicle near the floor keeps the column below it.
         self._floor_m = low_m = float(aims[:, 2].max())
         self._levels_m = np.linspace(min(low_m + half_axes_m[2], room.max_m[2]), room.max_m[2], LEVELS)
         begin_m, end_m = (self._raised(np.vstack((at[:, :3], *standing_m))) for at in (starts, aims))
         self._tracks = np.repeat(begin_m[:, None], round(LONGEST_S / PERIOD_S) + 1, axis=1)
+        # Pairs that begin or end nearer than an ellipsoid keep the least of these distances.
         gaps_m = np.array([at[:, None] - at for at in (begin_m, end_m)])
         near = np.linalg.norm(gaps_m / half_axes_m, axis=-1).min(axis=0) < 1.0
         nearest_m = np.minimum(np.linalg.norm(gaps_m, axis=-1).min(axis=0), half_axes_m.min())
@@ -181,11 +177,7 @@ def _timed(places: Sequence[Array]) -> list[Array]:
     for place in places[1:]:
         way_m = float(np.linalg.norm(place - rests[-1][1:]))
         if way_m > 1e-3 or place is places[-1]:
-            leg_s = max(
-                PEAK_TO_MEAN_SPEED * way_m / SPEED_M_S,
-                math.sqrt(PEAK_ACCELERATION * way_m / ACCELERATION_M_S2),
-                PERIOD_S,
-            )
+            leg_s = max(leg_time_s(way_m, SPEED_M_S, ACCELERATION_M_S2), PERIOD_S)
             rests.append(np.append(rests[-1][0] + leg_s, place))
     return rests
 

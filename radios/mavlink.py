@@ -118,11 +118,9 @@ class MavlinkProtocol(SetPointRadio):
         return packets
 
     def _requests(self) -> list[bytes]:
-        """Pack the commands that bring the vehicle into the state that is wanted, next step first.
-
-        It is armed only with a set point without thrust and once in each flight, and another mode is replaced
-        only then: later a pilot or a failsafe has chosen it, and flies and disarms the vehicle.
-        """
+        """Pack the commands that bring the vehicle into the state that is wanted, next step first."""
+        # It is armed only with a set point without thrust and once in each flight, and another mode is
+        # replaced only then: later a pilot or a failsafe has chosen it, and flies and disarms the vehicle.
         state = self._state
         packets = []
         for report, (number, interval_us, _) in REPORTS.items():

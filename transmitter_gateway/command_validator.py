@@ -204,14 +204,12 @@ class CommandValidator:
         return rejection or (clamped[0], clamped[1], clamped[2], clamped[3])
 
     def _check_order(self, cause: Cause, pose_epoch: int | None, flying: bool) -> Rejection | None:
-        """Check lease, epoch and sequence number against the last accepted command.
-
-        The first command of a lease has the epoch of the raw poses, if there are any. Later ones keep their
-        epoch, with growing sequence numbers, or change to that of the raw poses, which do not come from the
-        agent: the Tracker's stream has restarted, and a new count begins. The epoch is never ahead of the raw
-        poses; in flight it never decreases, and needs them to change. `_check_age` limits how long it may be
-        that of an earlier stream.
-        """
+        """Check lease, epoch and sequence number against the last accepted command."""
+        # The first command of a lease has the epoch of the raw poses, if there are any. Later ones keep their
+        # epoch, with growing sequence numbers, or change to that of the raw poses, which do not come from the
+        # agent: the Tracker's stream has restarted, and a new count begins. The epoch is never ahead of the
+        # raw poses; in flight it never decreases, and needs them to change. `_check_age` limits how long it
+        # may be that of an earlier stream.
         if self.leases.lost(cause.lease):
             return Rejection.LEASE_LOST
         if not self.leases.was_issued(cause.lease):

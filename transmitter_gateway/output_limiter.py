@@ -227,11 +227,9 @@ class OutputLimiter:
             self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
 
     def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
-        """Level the vehicle and lower its thrust, from that of a hover at most, at a rate to `thrust`.
-
-        A lower thrust is raised to `thrust` at the slew rate if the vehicle was last located in the air, else
-        it would fall. From the result a thrust in proportion to the climb rate is subtracted.
-        """
+        """Level the vehicle and lower its thrust, from that of a hover at most, at a rate to `thrust`."""
+        # A lower thrust is raised at the slew rate if the vehicle was last located in the air, else it would
+        # fall. From the result a thrust in proportion to the climb rate is subtracted.
         self.law.release()
         before = min(self.u[THRUST] + self._braked, self.hover.value)
         raised = before + (self._slew_per_s[THRUST] * elapsed_s if self._flew else 0.0)

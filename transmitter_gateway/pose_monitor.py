@@ -181,10 +181,7 @@ class PoseMonitor:
         return math.dist((x, y, z), position) > reach
 
     def _note_jump(self, waited_s: float) -> None:
-        """Poses that stay somewhere else belong to another body, and which one was ours is not known.
-
-        A silence, as of a computer that has too much to do, does not count.
-        """
+        """Poses that stay somewhere else belong to another body; silences of a busy computer do not count."""
         before_s = self._jumping_s
         self._jumping_s = 0.0 if before_s is None else before_s + min(waited_s, LONGEST_EXTRAPOLATION_S)
         if self._jumping_s >= self._limits.jump_descend_s:

@@ -152,10 +152,7 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Session:
-    """Join the bus; the radios are served meanwhile, because a router may be late or missing.
-
-    After an error the vehicles are brought down, without poses.
-    """
+    """Join the bus while radios are served, as a router may be late; after an error bring vehicles down."""
     pool = ThreadPoolExecutor()
     try:
         radios.serve()

@@ -244,10 +244,7 @@ class SignProof:
 
 
 def _reading(seen: "_Regression", shown: bool) -> int | None:
-    """Number of the reading that pitch and roll have shown, None without certainty.
-
-    `shown`: all pulses have been answered.
-    """
+    """Number of the reading that pitch and roll show, when all pulses are `shown`; None without certainty."""
     found = seen.fitted()
     if found is None:
         return None

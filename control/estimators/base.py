@@ -203,11 +203,7 @@ class PoseEstimator(ABC):
     def _accept(
         self, measurement: Measurement, predicted: Array, deviation: Array
     ) -> tuple[bool, Array | None]:
-        """Return whether a pose is accepted, and the pose to correct by, if any; perhaps move there.
-
-        `predicted` is the pose that it is compared with, `deviation` the standard deviation of their
-        difference; both have shape (4,).
-        """
+        """Accept or refuse a pose near a prediction, shape (4,); return that, and the pose to correct by."""
         if not _readable(measurement):
             self._gate.rejected += 1
             return False, None

@@ -26,6 +26,14 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from rest to rest
+PEAK_ACCELERATION: Final = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
+
+
+def leg_time_s(way_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
+    """Return the time of a quintic from rest to rest with this peak speed and acceleration at most."""
+    return max(
+        PEAK_TO_MEAN_SPEED * way_m / speed_m_s, math.sqrt(PEAK_ACCELERATION * way_m / acceleration_m_s2)
+    )
 
 
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
