@@ -47,11 +47,9 @@ def _check_vehicles(fleet: FleetFile) -> None:
 
 def _check_corners(where: str, bounds: VolumeConfig | Zone) -> None:
     for axis, (a, b) in enumerate(zip(bounds.min_m, bounds.max_m, strict=True)):
-        for field, value in ((f"min_m[{axis}]", a), (f"max_m[{axis}]", b)):
-            if abs(value) > LARGEST_M:
-                raise FleetError(
-                    f"{where}.{field}: {value:g} m is more than {LARGEST_M:g} m: in millimetres?"
-                )
+        for field, at_m in ((f"min_m[{axis}]", a), (f"max_m[{axis}]", b)):
+            if abs(at_m) > LARGEST_M:
+                raise FleetError(f"{where}.{field}: {at_m:g} m is more than {LARGEST_M:g} m: in millimetres?")
         if not a < b:
             raise FleetError(f"{where}.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 

@@ -64,11 +64,9 @@ def check_formation(fleet: FleetFile, room: Room) -> None:
 def _check_zones(fleet: FleetFile, room: Room) -> None:
     """Refuse places in zones at which vehicles stand at first, or fly after a take-off to `ABOVE_M`."""
     starts = {name: np.array(start) for name, start in start_places(fleet).items()}
-    where = places(
-        links_of(fleet), {name: start + np.array([0.0, 0.0, ABOVE_M, 0.0]) for name, start in starts.items()}
-    )
+    up = np.array([0.0, 0.0, ABOVE_M, 0.0])
+    above = places(links_of(fleet), {name: start + up for name, start in starts.items()})
     for name, start in starts.items():
-        if (problem := room.barred(start)) is not None:
-            raise FleetError(f"simulator.start.{name}: {problem}")
-        if (problem := room.barred(where[name])) is not None:
-            raise FleetError(f"vehicles.{name}: after a take-off to {ABOVE_M:g} m, {problem}")
+        for what, place in (("stands", start), ("flies in formation", above[name])):
+            if (problem := room.barred(place)) is not None:
+                raise FleetError(f"vehicles.{name}: where it {what}: {problem}")

@@ -37,12 +37,10 @@ def errors_at(where: object, *kinds: type[Exception]) -> Iterator[None]:
         raise FleetError(f"{where}: {error}") from None
 
 
-def check_known(where: str, what: str, name: str, known: Collection[str]) -> None:
-    """Refuse a name at the place `where` that is none of the known ones; raises `FleetError`."""
+def check_known(at: str, what: str, name: str, known: Collection[str]) -> None:
+    """Refuse a name at the place `at` that is none of the known ones; raises `FleetError`."""
     if name not in known:
-        raise FleetError(
-            f"{where}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}"
-        )
+        raise FleetError(f"{at}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}")
 
 
 class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -94,8 +92,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Time stands still until all processes have finished their work: no control period is missed, and all
     flights are identical. `speed` has no meaning then."""
     conditions: str = "helicopter"
-    """Preset: `ideal`, `laboratory`, `helicopter`, `helicopters`, `coaxes`, `crazyflies` or
-    `vicon_crazyflie`."""
+    """Preset, of `ideal laboratory helicopter helicopters coaxes crazyflies vicon_crazyflie`."""
     condition_overrides: dict[str, Any] = {}
     """Values that differ from the preset."""
     start: dict[Name, Four] = {}

@@ -107,9 +107,7 @@ class _Planner:
 
     def ways(self, rng: np.random.Generator) -> dict[int, FlightPath]:
         """Return the ways of all vehicles that can arrive, found for the furthest first."""
-        far_m = [
-            math.dist(aim[:2], rests[0][1:3]) for aim, rests in zip(self._aims, self._rests, strict=True)
-        ]
+        far_m = np.linalg.norm(self._aims[:, :2] - [rests[0][1:3] for rests in self._rests], axis=1)
         left = [int(index) for index in np.argsort(far_m)[::-1]]
         for _ in range(ROUNDS):
             waiting = [index for index in left if not self._go_on(index, self._ways(index))]

@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import structs
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone
-from rcopterx.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
+from rcopterx.formation.topology import AT_WORK, FormationGraph, Places, followers, formation_of, places
 from rcopterx.formation.zones import entered
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
@@ -81,11 +81,7 @@ def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> st
 
 
 def place_problem(
-    name: str,
-    following: tuple[LeaderLink, ...],
-    links: FormationGraph,
-    heads: Mapping[str, Array],
-    room: Room,
+    name: str, following: tuple[LeaderLink, ...], links: FormationGraph, heads: Places, room: Room
 ) -> str | None:
     """Return why a vehicle cannot follow its new leaders, None if it can; its followers come along.
 
@@ -137,12 +133,7 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str,
-    way: Array,
-    links: FormationGraph,
-    heads: Mapping[str, Array],
-    room: Room,
-    unrelated: Mapping[str, Array],
+    name: str, way: Array, links: FormationGraph, heads: Places, room: Room, unrelated: Places
 ) -> str | None:
     """Return why a vehicle that leads cannot go a way, None if it can; its followers come along.
 
@@ -161,9 +152,7 @@ def move_problem(
     return None
 
 
-def _leaving(
-    names: Iterable[str], where: Mapping[str, Array], room: Room, before: Mapping[str, Array]
-) -> str | None:
+def _leaving(names: Iterable[str], where: Places, room: Room, before: Places) -> str | None:
     for moved in names:
         if moved in where:
             way = where[moved] if moved not in before else np.array([before[moved], where[moved]])

@@ -7,6 +7,7 @@ import numpy as np
 from rcopterx.bus.messages import Zone
 from rcopterx.vehicles.state import Array
 
+EVERY_M: Final = 0.01  # between places of a way that are tried
 TINY_M: Final = 1e-6  # a way that only touches a zone does not enter it
 
 
@@ -15,30 +16,13 @@ def entered(zone: Zone, way_m: Array) -> Array | None:
 
     The way is straight between its places. It may begin in the zone, but has to leave it, for good.
     """
-    way_m = np.vstack((way_m, way_m[-1:]))  # the last step shows whether the way ends in the zone
-    begin_m, step_m = way_m[:-1], np.diff(way_m, axis=0)
-    step_m = np.where(step_m == 0.0, TINY_M**2, step_m)
-    margin_m = zone.margin_m - TINY_M
-    low_m, high_m = np.array(zone.min_m) - margin_m, np.array(zone.max_m) + margin_m
-    # Shares of each step at which it passes the bounds of each axis; it is inside between them.
-    first, last = np.sort((low_m - begin_m, high_m - begin_m) / step_m, axis=0)
+    passed_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1)))
+    along_m = np.linspace(0.0, passed_m[-1], 2 + int(passed_m[-1] / EVERY_M))
+    places_m = np.column_stack([np.interp(along_m, passed_m, axis_m) for axis_m in way_m.T])
+    low_m, high_m = np.array(zone.min_m), np.array(zone.max_m)
+    beside_m = np.abs(places_m - (low_m + high_m) / 2)
     if zone.shape == "cylinder":
-        centre_m, radius_m = (low_m + high_m)[:2] / 2, (high_m - low_m)[0] / 2
-        first[:, 0], last[:, 0] = first[:, 1], last[:, 1] = _in_disc(
-            begin_m[:, :2] - centre_m, step_m[:, :2], radius_m
-        )
-    enters, leaves = np.maximum(first.max(axis=1), 0.0), np.minimum(last.min(axis=1), 1.0)
-    inside = enters < leaves
-    inside &= ~np.append(np.logical_and.accumulate(inside & (enters == 0.0))[:-1], False)
-    if not inside.any():
-        return None
-    step = int(np.argmax(inside))
-    return np.asarray(begin_m[step] + enters[step] * step_m[step])
-
-
-def _in_disc(begin_m: Array, step_m: Array, radius_m: float) -> tuple[Array, Array]:
-    """Return shares of steps, shape (k, 2), between which they are in a disc about 0; nan if they miss it."""
-    squared, along = np.sum(step_m * step_m, axis=1), np.sum(begin_m * step_m, axis=1)
-    root = along * along - squared * (np.sum(begin_m * begin_m, axis=1) - radius_m * radius_m)
-    half = np.sqrt(np.where(root < 0.0, np.nan, root))
-    return (-along - half) / squared, (-along + half) / squared
+        beside_m[:, :2] = np.linalg.norm(beside_m[:, :2], axis=1, keepdims=True)
+    inside = np.all(beside_m < (high_m - low_m) / 2 + zone.margin_m - TINY_M, axis=1)
+    inside &= ~np.append(np.logical_and.accumulate(inside)[:-1], False)
+    return places_m[np.argmax(inside)] if inside.any() else None

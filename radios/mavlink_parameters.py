@@ -30,20 +30,10 @@ RULES: Final[dict[int, tuple[Rule, ...]]] = {
         Rule("GUID_OPTIONS", lambda value, _: bool(int(value) & THRUST_BIT), "8, thrust of set points"),
         Rule("GUID_TIMEOUT", _short, "0.5 s"),
         Rule("FS_GCS_ENABLE", lambda value, _: value > 0, "5, land without the gateway"),
-        Rule(
-            "MAV_GCS_SYSID",
-            lambda value, settings: value == settings.own_system,
-            "{0.own_system}, own_system",
-        ),
-        Rule(
-            "SYSID_MYGCS", lambda value, settings: value == settings.own_system, "{0.own_system}, own_system"
-        ),
-        Rule("ATC_ANGLE_MAX", lambda value, settings: value >= settings.full_tilt_deg, "{0.full_tilt_deg:g}"),
-        Rule(
-            "ANGLE_MAX",
-            lambda value, settings: value >= 100 * settings.full_tilt_deg,
-            "100 * {0.full_tilt_deg:g}",
-        ),
+        Rule("MAV_GCS_SYSID", lambda value, s: value == s.own_system, "{0.own_system}, own_system"),
+        Rule("SYSID_MYGCS", lambda value, s: value == s.own_system, "{0.own_system}, own_system"),
+        Rule("ATC_ANGLE_MAX", lambda value, s: value >= s.full_tilt_deg, "{0.full_tilt_deg:g}"),
+        Rule("ANGLE_MAX", lambda value, s: value >= 100 * s.full_tilt_deg, "100 * {0.full_tilt_deg:g}"),
     ),
     PX4: (
         Rule("COM_OF_LOSS_T", _short, "0.5 s"),

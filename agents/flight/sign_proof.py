@@ -36,9 +36,7 @@ from rcopterx.vehicles.state import (
 
 STICKS: Final = [U_PITCH, U_ROLL, U_YAW]
 PULSE_S: Final = 0.1
-PULSES: Final = np.array(
-    ((1, 1, 0), (0, 0, 1), (0, -1, 1), (1, -1, 0), (-1, 1, -1), (-1, 0, -1)), dtype=np.float64
-)
+PULSES: Final = np.array(((1.0, 1, 0), (0, 0, 1), (0, -1, 1), (1, -1, 0), (-1, 1, -1), (-1, 0, -1)))
 """Pulses of the sticks, shape (k, 3), with sums of 0: they leave no velocity. Answers that are up to 90 ms
 later than the model says are not like those to another stick, or to a reversed one."""
 ANSWER_S: Final = 0.17  # time in which a quick vehicle tilts

@@ -30,10 +30,7 @@ TIMING_M: Final = 0.05  # that vehicles keep in addition, since they begin and f
 
 
 def fly_home(
-    fleet: Observer,
-    vehicles: Mapping[str, Vehicle],
-    names: Sequence[str],
-    land: Callable[[Sequence[str]], None],
+    fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[str], land: Callable[[list[str]], None]
 ) -> None:
     """Bring vehicles back to where they took off, and `land` them; see `Fleet.home`."""
     fleet.watch_motion()  # Vehicles without an agent are seen by the motion capture only.
@@ -49,7 +46,7 @@ def fly_home(
         astray = [name for name in flying if arrival_problem(fleet.state_of(name), ARRIVED_M)]
         land([name for name in names if name not in astray])
         raise
-    land(names)
+    land([*names])
 
 
 def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[str]) -> list[str]:
