@@ -92,7 +92,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Time stands still until all processes have finished their work: no control period is missed, and all
     flights are identical. `speed` has no meaning then."""
     conditions: str = "helicopter"
-    """Preset, of `ideal laboratory helicopter helicopters coaxes crazyflies vicon_crazyflie`."""
+    """Preset: ideal, laboratory, helicopter, helicopters, coaxes, crazyflies or vicon_crazyflie."""
     condition_overrides: dict[str, Any] = {}
     """Values that differ from the preset."""
     start: dict[Name, Four] = {}

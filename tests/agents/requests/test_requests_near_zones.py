@@ -94,7 +94,7 @@ def test_a_vehicle_above_a_zone_lands_only_elsewhere_and_an_emergency_anywhere()
     bench = bench_with((-0.1, 0.0, 0.0), (0.3, 0.4, 0.5))
     bench.fly()
     refusal = bench.ask(Land()).refusal
-    assert refusal == f"on its way down (0.10, 0.20, 0.70) {WORDS}"
+    assert refusal == f"on its way down (0.10, 0.20, 0.69) {WORDS}"
     assert bench.pilot.guidance.phase is Phase.FLYING
     bench.pilot.guidance.on_event(Event.OVERRIDE, bench.pilot.estimate, 0.0)
     assert bench.pilot.guidance.phase is Phase.EMERGENCY
