@@ -152,12 +152,7 @@ class Reporter:
         self.due_s = self._bus.clock()
 
     def report(
-        self,
-        now_s: float,
-        sparse: bool,
-        following_mode: FollowingMode,
-        pose_age_s: float | None,
-        late_share: float,
+        self, now_s: float, sparse: bool, mode: FollowingMode, pose_age_s: float | None, late_share: float
     ) -> None:
         """Publish the status; `sparse`: at half the rate."""
         # A report waits for the end of a step, but the rate stays.
@@ -172,7 +167,7 @@ class Reporter:
             set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),
             following=_following(pilot),
             assigned=tuple(map(target_link, guidance.task.assigned)),
-            following_mode=following_mode,
+            following_mode=mode,
             position_m=None if motion is None else three(motion[:3]),
             velocity_m_s=None if motion is None else three(inertial_velocity(motion)),
             yaw_rad=None if motion is None else float(motion[YAW]),

@@ -173,17 +173,8 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
         followed = tuple(_moving(link, moves.get(link.leader), published_s) for link in assigned)
         joined = frozenset(intent.joined)
     # Else others replaced lost leaders; the successor decides again whether they still have to.
-    interrupted = None if intent.interrupted is None else Phase(intent.interrupted)
-    return Task(
-        Phase(intent.phase),
-        source,
-        followed,
-        assigned,
-        joined,
-        intent.floor_m,
-        interrupted,
-        home_m=intent.home_m,
-    )
+    phase, stopped = Phase(intent.phase), None if intent.interrupted is None else Phase(intent.interrupted)
+    return Task(phase, source, followed, assigned, joined, intent.floor_m, stopped, home_m=intent.home_m)
 
 
 def passed_s(intent: Intent, age_s: float, clock: FleetClock) -> float:

@@ -44,12 +44,7 @@ def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject
     ]
     for subject in subjects:
         own = [
-            _rule(
-                f"{subject.name} {messages[0]}",
-                "ingress",
-                messages,
-                [f"{prefix}{allowed}" for allowed in keys],
-            )
+            _rule(f"{subject.name} {messages[0]}", "ingress", messages, [f"{prefix}{key}" for key in keys])
             for messages, keys in (
                 (["put"], sorted(published_keys(fleet, subject.seats))),
                 (["reply", "declare_queryable"], sorted(served_keys(fleet, subject.seats))),
@@ -125,10 +120,4 @@ def _units(kind: str, seat: Seat) -> tuple[str, ...]:
 
 
 def _rule(name: str, flow: str, messages: Sequence[str], keys: Sequence[str]) -> dict[str, object]:
-    return {
-        "id": name,
-        "permission": "allow",
-        "flows": [flow],
-        "messages": list(messages),
-        "key_exprs": list(keys),
-    }
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": [*messages], "key_exprs": [*keys]}

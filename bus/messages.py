@@ -4,7 +4,7 @@ Every message carries `schema_version`. Fields are only ever appended, with defa
 different versions understand each other. `check` holds what types cannot express.
 """
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from msgspec import Meta, Struct, field
 
@@ -122,6 +122,19 @@ class LeaderLink(Struct, frozen=True, kw_only=True):
     """Whether the offset is fixed in the room or turns with the leader's heading."""
     weight: Weight = 1.0
     """Share of this leader among several; only ratios count."""
+
+
+class Zone(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A keep-out zone: no vehicle is sent into it, through it, or down onto it."""
+
+    min_m: Place
+    """Lowest x, y, z."""
+    max_m: Place
+    """Highest x, y, z."""
+    shape: Literal["box", "cylinder"] = "box"
+    """`cylinder` is the upright one inside these corners, which are those of a square."""
+    margin_m: Annotated[float, Meta(ge=0, le=5)] = 0.2
+    """Distance that references keep from it: half a vehicle, and how far it may be from its reference."""
 
 
 class Plan(Message, frozen=True, kw_only=True):

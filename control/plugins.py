@@ -131,9 +131,7 @@ class Registry(Generic[Part]):
             raise SettingsError(f"{self.kind} {name!r}: {error}") from error
 
     def _installed(self) -> list[EntryPoint]:
-        return [
-            point for point in entry_points(group=self.entry_point_group) if point.name not in self.built_in
-        ]
+        return [one for one in entry_points(group=self.entry_point_group) if one.name not in self.built_in]
 
 
 CONTROLLERS: Final = Registry[Controller](

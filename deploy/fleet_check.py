@@ -21,7 +21,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     from rcopterx.deploy.roles.ports import check_ports
     from rcopterx.deploy.roles.tracker import tracker_settings
     from rcopterx.deploy.roles.transmitters import gateway_settings
-    from rcopterx.fleet.formation_check import check_formation
+    from rcopterx.fleet.formation_check import check_formation, room_of
     from rcopterx.fleet.vehicle_models import limits_of
 
     check_periods(fleet)
@@ -34,8 +34,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
                 f"{descend_after_s:g} of {name}, after which it lands without commands"
             )
         pilot_of(fleet, name)
-    first = next(iter(fleet.vehicles))
-    check_formation(fleet, limits_of(fleet, first).surveillance.minimum_distance_m)
+    check_formation(fleet, room_of(fleet))
     check_ports(fleet, directory)
     for gateway in fleet.gateways:
         gateway_settings(fleet, gateway, directory)

@@ -156,10 +156,6 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
             '# protocol = "dsm2_serial"    # of a radio that is no Multiprotocol module: docs/hardware.md',
         ]
     if vehicle.battery:
-        lines += [
-            "",
-            f"[vehicles.{key}.battery]",
-            *(f"{name} = {v:g}" for name, v in vehicle.battery.items()),
-        ]
+        lines += ["", f"[vehicles.{key}.battery]", *(f"{k} = {v:g}" for k, v in vehicle.battery.items())]
     lines.append("")
     return "\n".join(lines)

@@ -1,16 +1,18 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
+import math
 import os.path
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Final
 
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
+from rcopterx.bus.messages import Zone
 from rcopterx.bus.processes import RESERVED_PROCESSES
-from rcopterx.fleet.schema import FleetError, FleetFile, check_known, is_loopback
+from rcopterx.fleet.schema import FleetError, FleetFile, VolumeConfig, check_known, is_loopback
 from rcopterx.user_text import ip_version
 
-LARGEST_M: Final = 100.0  # of the coordinates of a flight volume, which is indoors
+LARGEST_M: Final = 100.0  # of the coordinates of a flight volume and of zones, which are indoors
 
 
 def check_consistency(fleet: FleetFile) -> None:
@@ -35,13 +37,21 @@ def _check_vehicles(fleet: FleetFile) -> None:
     check_unique("vehicles", "subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
     ports = {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
     check_unique("vehicles", "transmitter.port", ports, os.path.normpath)
-    low, high = fleet.volume.min_m, fleet.volume.max_m
-    for axis, (a, b) in enumerate(zip(low, high, strict=True)):
-        for field, value in ((f"min_m[{axis}]", a), (f"max_m[{axis}]", b)):
-            if abs(value) > LARGEST_M:
-                raise FleetError(f"volume.{field}: {value:g} m is more than {LARGEST_M:g} m: in millimetres?")
+    _check_corners("volume", fleet.volume)
+    for name, zone in fleet.zones.items():
+        _check_corners(f"zones.{name}", zone)
+        (x, y, _), (to_x, to_y, _) = zone.min_m, zone.max_m
+        if zone.shape == "cylinder" and not math.isclose(to_x - x, to_y - y):
+            raise FleetError(f"zones.{name}.max_m: a cylinder needs the corners of a square in x and y")
+
+
+def _check_corners(where: str, bounds: VolumeConfig | Zone) -> None:
+    for axis, (a, b) in enumerate(zip(bounds.min_m, bounds.max_m, strict=True)):
+        for field, at_m in ((f"min_m[{axis}]", a), (f"max_m[{axis}]", b)):
+            if abs(at_m) > LARGEST_M:
+                raise FleetError(f"{where}.{field}: {at_m:g} m is more than {LARGEST_M:g} m: in millimetres?")
         if not a < b:
-            raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
+            raise FleetError(f"{where}.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 
 
 def check_unique(

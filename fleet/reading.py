@@ -15,6 +15,7 @@ from msgspec import inspect, structs
 
 from rcopterx import user_text
 from rcopterx.bus.message import Four, Name
+from rcopterx.bus.messages import Zone
 from rcopterx.fleet.consistency import check_consistency
 from rcopterx.fleet.schema import (
     FleetError,
@@ -86,6 +87,7 @@ MAPPINGS: Any = (
     ("vehicles", Name, VehicleConfig),
     ("hosts", Name, HostConfig),
     ("gateways", Name, GatewayConfig),
+    ("zones", Name, Zone),
     ("simulator.start", Name, Four),
     ("tracker.settings", str, str),
     ("types", str, dict[str, Any]),

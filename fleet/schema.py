@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field
 
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.messages import LeaderLink, Zone
 from rcopterx.user_text import similar
 
 Text = Annotated[str, Meta(min_length=1)]
@@ -37,12 +37,10 @@ def errors_at(where: object, *kinds: type[Exception]) -> Iterator[None]:
         raise FleetError(f"{where}: {error}") from None
 
 
-def check_known(where: str, what: str, name: str, known: Collection[str]) -> None:
-    """Refuse a name at the place `where` that is none of the known ones; raises `FleetError`."""
+def check_known(at: str, what: str, name: str, known: Collection[str]) -> None:
+    """Refuse a name at the place `at` that is none of the known ones; raises `FleetError`."""
     if name not in known:
-        raise FleetError(
-            f"{where}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}"
-        )
+        raise FleetError(f"{at}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}")
 
 
 class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -94,8 +92,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Time stands still until all processes have finished their work: no control period is missed, and all
     flights are identical. `speed` has no meaning then."""
     conditions: str = "helicopter"
-    """Preset: `ideal`, `laboratory`, `helicopter`, `helicopters`, `coaxes`, `crazyflies` or
-    `vicon_crazyflie`."""
+    """Preset: ideal, laboratory, helicopter, helicopters, coaxes, crazyflies or vicon_crazyflie."""
     condition_overrides: dict[str, Any] = {}
     """Values that differ from the preset."""
     start: dict[Name, Four] = {}
@@ -331,6 +328,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Access from other computers."""
     volume: VolumeConfig = field(default_factory=VolumeConfig)
     """Flight volume."""
+    zones: dict[Name, Zone] = field(default_factory=dict)
+    """Keep-out zones by name."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
     """The motion capture."""
     simulator: SimulatorConfig | None = None

@@ -40,9 +40,7 @@ def _with_full_sticks(fleet: FleetFile, name: str) -> Model:
     from rcopterx.radios.registry import settings_class  # not in agents of vehicles without such settings
 
     kind, where = settings_class(usual.protocol), f"vehicles.{name}.transmitter.settings"
-    before, after = (
-        dataclass_from(kind, settings, where) for settings in (usual.settings, usual.settings | table)
-    )
+    before, after = (dataclass_from(kind, one, where) for one in (usual.settings, usual.settings | table))
     tilt = math.tan(math.radians(after.full_tilt_deg)) / math.tan(math.radians(before.full_tilt_deg))
     pitch, roll, thrust, yaw = own.model.input_gain
     yaw *= after.full_yaw_rate_deg_s / before.full_yaw_rate_deg_s
@@ -94,9 +92,7 @@ def battery_of(fleet: FleetFile, name: str) -> BatteryLimits:
 
 def longest_shutdown_s(fleet: FleetFile, host: str) -> float:
     """Return the longest time in which the gateways of a host bring their vehicles down."""
-    return max(
-        (limits_of(fleet, name).longest_shutdown_s for name in fleet.transmitters_on(host)), default=0.0
-    )
+    return max((limits_of(fleet, one).longest_shutdown_s for one in fleet.transmitters_on(host)), default=0.0)
 
 
 def landing_of(model: Model) -> LandingLimits:

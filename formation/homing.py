@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.references.paths import KNOT_COLUMNS, PEAK_TO_MEAN_SPEED, FlightPath
+from rcopterx.control.references.paths import KNOT_COLUMNS, FlightPath, leg_time_s
 from rcopterx.formation.placement import Room
 from rcopterx.vehicles.state import Array
 
 SPEED_M_S: Final = 0.7  # peaks on a leg, which every type of vehicle can fly
 ACCELERATION_M_S2: Final = 0.8
-PEAK_ACCELERATION: Final = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
 PERIOD_S: Final = 0.25  # between two samples, which straight lines connect
 LONGEST_S: Final = 20.0  # until the last vehicle is above its place
 PAUSE: Final = 2  # samples between two moments at which a way may begin
@@ -60,7 +59,8 @@ def free_places(
     """Return a place on the floor for each vehicle: its home, or the nearest free one if that is taken.
 
     Homes are taken by `standing_m`, or by a vehicle before, within the minimum distance of the room; other
-    places are `apart_m` from all vehicles and homes. Without a free place the vehicle is left out.
+    places are `apart_m` from all vehicles and homes; none is in or below a zone. Without a free place the
+    vehicle is left out.
     """
     x_m, y_m = (np.arange(room.min_m[axis], room.max_m[axis], FREE_PLACES_M) for axis in range(2))
     places: dict[str, Array] = {}
@@ -68,7 +68,8 @@ def free_places(
     def free(choice_m: Array, others_m: Iterable[Array], by_m: float) -> Array:
         for other_m in others_m:
             choice_m = choice_m[np.linalg.norm(choice_m[:, :2] - other_m[:2], axis=1) >= by_m]
-        return choice_m
+        over_m = np.array([0.0, 0.0, max(ABOVE_M, room.min_m[2])])
+        return choice_m[[room.barred(np.array([at_m + over_m, at_m])) is None for at_m in choice_m]]
 
     for name, home_m in homes_m.items():
         taken_m = [*standing_m, *places.values()]
@@ -82,22 +83,20 @@ def free_places(
 
 
 class _Planner:
-    """Ways as far as they are found, and where vehicles are at every sample.
-
-    `half_axes_m`: of the ellipsoid around a vehicle, shape (3,), for pairs that do not begin or end nearer;
-    those keep the least of these distances. All heights below the highest aim count as that height, so that
-    a vehicle near the floor keeps the column below it.
-    """
+    """Ways as far as they are found, and where vehicles are at every sample."""
 
     def __init__(
         self, starts: Array, aims: Array, standing_m: Sequence[Array], room: Room, half_axes_m: Array
     ) -> None:
         self._aims, self._low_m, self._high_m = aims, np.array(room.min_m), np.array(room.max_m)
+        self._room = room
         self._rests = [[np.append(0.0, start)] for start in starts]
+        # All lower heights count as this one, so that a vehicle near the floor keeps the column below it.
         self._floor_m = low_m = float(aims[:, 2].max())
         self._levels_m = np.linspace(min(low_m + half_axes_m[2], room.max_m[2]), room.max_m[2], LEVELS)
         begin_m, end_m = (self._raised(np.vstack((at[:, :3], *standing_m))) for at in (starts, aims))
         self._tracks = np.repeat(begin_m[:, None], round(LONGEST_S / PERIOD_S) + 1, axis=1)
+        # Pairs that begin or end nearer than an ellipsoid keep the least of these distances.
         gaps_m = np.array([at[:, None] - at for at in (begin_m, end_m)])
         near = np.linalg.norm(gaps_m / half_axes_m, axis=-1).min(axis=0) < 1.0
         nearest_m = np.minimum(np.linalg.norm(gaps_m, axis=-1).min(axis=0), half_axes_m.min())
@@ -108,9 +107,7 @@ class _Planner:
 
     def ways(self, rng: np.random.Generator) -> dict[int, FlightPath]:
         """Return the ways of all vehicles that can arrive, found for the furthest first."""
-        far_m = [
-            math.dist(aim[:2], rests[0][1:3]) for aim, rests in zip(self._aims, self._rests, strict=True)
-        ]
+        far_m = np.linalg.norm(self._aims[:, :2] - [rests[0][1:3] for rests in self._rests], axis=1)
         left = [int(index) for index in np.argsort(far_m)[::-1]]
         for _ in range(ROUNDS):
             waiting = [index for index in left if not self._go_on(index, self._ways(index))]
@@ -145,7 +142,10 @@ class _Planner:
         for places in ways:
             way = _timed([rests[-1][1:], *places])
             last = math.ceil((ends_s - way[-1][0]) / PERIOD_S)
-            track = self._raised(_path(way).sample(PERIOD_S * np.arange(float(tracks.shape[1])))[:, :3])
+            track = _path(way).sample(PERIOD_S * np.arange(float(tracks.shape[1])))[:, :3]
+            if self._room.barred(track) is not None:
+                continue
+            track = self._raised(track)
             for begin in range(math.ceil(rests[-1][0] / PERIOD_S), last, PAUSE):
                 if _clear(track[: len(track) - begin] - tracks[:, begin:], axes_m):
                     found, ends_s = (way, track, begin), begin * PERIOD_S + way[-1][0]
@@ -175,11 +175,7 @@ def _timed(places: Sequence[Array]) -> list[Array]:
     for place in places[1:]:
         way_m = float(np.linalg.norm(place - rests[-1][1:]))
         if way_m > 1e-3 or place is places[-1]:
-            leg_s = max(
-                PEAK_TO_MEAN_SPEED * way_m / SPEED_M_S,
-                math.sqrt(PEAK_ACCELERATION * way_m / ACCELERATION_M_S2),
-                PERIOD_S,
-            )
+            leg_s = max(leg_time_s(way_m, SPEED_M_S, ACCELERATION_M_S2), PERIOD_S)
             rests.append(np.append(rests[-1][0] + leg_s, place))
     return rests
 

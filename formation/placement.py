@@ -1,14 +1,15 @@
-"""Refusal of places in a formation that leave the flight volume or are too close to another vehicle."""
+"""Refusal of places and ways that leave the volume, enter a zone, or are too close to another vehicle."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import structs
 
-from rcopterx.bus.messages import AgentStatus, LeaderLink
-from rcopterx.control.references.columns import POSE
-from rcopterx.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
-from rcopterx.vehicles.state import Array
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone
+from rcopterx.formation.topology import AT_WORK, FormationGraph, Places, followers, formation_of, places
+from rcopterx.formation.zones import entered
+from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
 
 TOLERANCE_M = 1e-6
@@ -16,21 +17,47 @@ TOLERANCE_M = 1e-6
 
 @dataclass(frozen=True)
 class Room:
-    """What a formation has to stay within."""
+    """What vehicles have to stay within, and out of."""
 
     min_m: Three
     max_m: Three  # flight volume, inertial frame
     minimum_distance_m: float | None = 0.3  # smallest distance between two vehicles; None for no limit
+    zones: Mapping[str, Zone] = field(default_factory=dict)  # keep-out zones by name
 
-    def outside(self, place: Array) -> str | None:
-        """Describe how a place, x y z first, or the first of several leaves the volume; None if none does."""
-        places_m = np.atleast_2d(place)[:, :3].T
-        for axis, values_m, low, high in zip("xyz", places_m, self.min_m, self.max_m, strict=True):
-            inside = (low - TOLERANCE_M <= values_m) & (values_m <= high + TOLERANCE_M)
-            if not inside.all():
-                value = float(values_m[np.argmin(inside)])
-                return f"{axis}: {value:.4g} m is outside the flight volume {low:g} .. {high:g} m"
+    def shrunk(self, by_m: float) -> "Room":
+        """Return the room for what reaches so far from a place."""
+        low_m, high_m = np.array(self.min_m) + by_m, np.array(self.max_m) - by_m
+        zones = {name: structs.replace(z, margin_m=z.margin_m + by_m) for name, z in self.zones.items()}
+        return replace(self, min_m=three(low_m), max_m=three(high_m), zones=zones)
+
+    def barred(self, way: Array) -> str | None:
+        """Name the keep-out zone that a place, x y z first, or a way through several enters; None if none.
+
+        A way may begin in a zone, but has to leave it, for good.
+        """
+        for name, zone in self.zones.items():
+            at_m = entered(zone, np.atleast_2d(way)[:, :3])
+            if at_m is not None:
+                where = ", ".join(f"{value:.2f}" for value in at_m)
+                return f"({where}) m is not {zone.margin_m:g} m clear of the keep-out zone {name}"
         return None
+
+    def outside(self, way: Array) -> str | None:
+        """Describe how a place, x y z first, or a way through several leaves the room; None if it does not.
+
+        A way may begin outside, but has to come in, for good.
+        """
+        places_m = np.atleast_2d(way)[:, :3]
+        beyond_m = np.maximum(np.array(self.min_m) - places_m, places_m - np.array(self.max_m))
+        out = beyond_m.max(axis=1) > TOLERANCE_M
+        out &= ~np.append(np.logical_and.accumulate(out)[:-1], False)
+        if not out.any():
+            return self.barred(way)
+        place, axis = divmod(int(np.argmax(beyond_m * out[:, None])), 3)
+        return (
+            f"{'xyz'[axis]}: {places_m[place, axis]:.4g} m is outside the flight volume "
+            f"{self.min_m[axis]:g} .. {self.max_m[axis]:g} m"
+        )
 
     def too_close(self, name: str, place: Array, other_name: str, other: Array) -> str | None:
         """Describe why two vehicles would be too near, one at the nearest of places; None if they are not."""
@@ -54,19 +81,18 @@ def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> st
 
 
 def place_problem(
-    name: str,
-    following: tuple[LeaderLink, ...],
-    links: FormationGraph,
-    heads: Mapping[str, Array],
-    room: Room,
+    name: str, following: tuple[LeaderLink, ...], links: FormationGraph, heads: Places, room: Room
 ) -> str | None:
-    """Return why a vehicle cannot follow its new leaders, None if it can; its followers come along."""
+    """Return why a vehicle cannot follow its new leaders, None if it can; its followers come along.
+
+    `heads`: places of vehicles that lead, and the present one of this vehicle.
+    """
     after = {**links, name: following}
-    where = places(after, heads)
+    where, before = places(after, heads), places({**links, name: ()}, heads)
     if name not in where:
         return None
     along = followers(after, name)
-    problem = _leaving((name, *along), where, room)
+    problem = _leaving((name, *along), where, room, before)
     if problem is not None:
         return problem
     for moved in (name, *along):
@@ -88,35 +114,34 @@ def take_off_problem(
     room: Room,
 ) -> str | None:
     """Return why the column above a place, or the place beside leaders in the air, is not free, or None."""
+    top_m = np.array([*floor_m[:2], floor_m[2] + height_m])
+    if (problem := room.barred(np.array([floor_m, top_m, floor_m]))) is not None:
+        return f"on its way up {problem}"
     for other, status in statuses.items():
         if status.position_m is None or other == name:
             continue
         place = np.array(status.position_m)
-        nearest = np.array([*floor_m[:2], np.clip(place[2], floor_m[2], floor_m[2] + height_m)])
+        nearest = np.array([*floor_m[:2], np.clip(place[2], floor_m[2], top_m[2])])
         problem = room.too_close(name, nearest, other, place)
         if problem is not None:
             return f"on its way up {problem}"
     if not all(link.leader in statuses and statuses[link.leader].phase in AT_WORK for link in following):
         return None
     others = {other: status for other, status in statuses.items() if other != name}
-    return place_problem(name, following, *formation_of(others, flying=(name,)), room)
+    links, heads = formation_of(others, flying=(name,))
+    return place_problem(name, following, links, heads | {name: np.append(top_m, 0.0)}, room)
 
 
 def move_problem(
-    name: str,
-    samples: Array,
-    links: FormationGraph,
-    heads: Mapping[str, Array],
-    room: Room,
-    unrelated: Mapping[str, Array],
+    name: str, way: Array, links: FormationGraph, heads: Places, room: Room, unrelated: Places
 ) -> str | None:
-    """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
+    """Return why a vehicle that leads cannot go a way, None if it can; its followers come along.
 
-    `samples`: its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more). `heads`: places of
-    other leaders, shape (4,). `unrelated`: places of others, x y z first, which do not avoid its plan.
+    `way`: its places in future, x, y, z [m], yaw [rad], shape (k, 4). `heads`: places of other leaders, shape
+    (4,). `unrelated`: places of others, x y z first, which do not avoid its plan.
     """
-    where = places({**links, name: ()}, {**heads, name: samples[:, POSE]})
-    problem = _leaving(followers(links, name), where, room)
+    where = places({**links, name: ()}, {**heads, name: way})
+    problem = room.outside(way) or _leaving(followers(links, name), where, room, {})
     if problem is not None:
         return problem
     for moved in (name, *followers(links, name)):
@@ -127,9 +152,10 @@ def move_problem(
     return None
 
 
-def _leaving(names: Iterable[str], where: Mapping[str, Array], room: Room) -> str | None:
+def _leaving(names: Iterable[str], where: Places, room: Room, before: Places) -> str | None:
     for moved in names:
-        problem = room.outside(where[moved]) if moved in where else None
-        if problem is not None:
-            return f"{moved} would leave: {problem}"
+        if moved in where:
+            way = where[moved] if moved not in before else np.array([before[moved], where[moved]])
+            if (problem := room.outside(way)) is not None:
+                return f"no place for {moved}: {problem}"
     return None

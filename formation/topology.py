@@ -9,6 +9,7 @@ from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 FormationGraph = Mapping[str, tuple[LeaderLink, ...]]  # leaders of each vehicle; empty for one without
+Places = Mapping[str, Array]  # of vehicles by name: x, y, z [m], and yaw [rad] mostly, first
 
 
 class TopologyError(ValueError):
@@ -73,7 +74,7 @@ def in_words(line: Iterable[str]) -> str:
     return " follows ".join(line)
 
 
-def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array]:
+def places(links: FormationGraph, heads: Places) -> dict[str, Array]:
     """Return the places of all vehicles in the steady state, from those of `heads`, shape (4,) or (k, 4).
 
     Vehicles whose leaders' places are unknown are left out; several leaders give a weighted mean.
@@ -85,9 +86,7 @@ def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array
     return found
 
 
-def _find_place(
-    name: str, links: FormationGraph, heads: Mapping[str, Array], found: dict[str, Array]
-) -> Array | None:
+def _find_place(name: str, links: FormationGraph, heads: Places, found: dict[str, Array]) -> Array | None:
     """Add the place of a vehicle, and those of its leaders, to `found`."""
     # An inner function that called itself would leave a reference cycle for a garbage collector that is off.
     if name in found:
@@ -130,7 +129,7 @@ def link_between(follower: Array, leader: Array, like: LeaderLink, name: str) ->
 
 
 def exchanged(
-    links: FormationGraph, where: Mapping[str, Array], first: str, second: str
+    links: FormationGraph, where: Places, first: str, second: str
 ) -> dict[str, tuple[LeaderLink, ...]]:
     """Return the leaders after two vehicles have exchanged their roles, while all keep their places.
 

@@ -119,6 +119,7 @@ class MavlinkProtocol(SetPointRadio):
 
     def _requests(self) -> list[bytes]:
         """Pack the commands that bring the vehicle into the state that is wanted, next step first."""
+        # Another mode is replaced only before arming: later a pilot or a failsafe has chosen it.
         state = self._state
         packets = []
         for report, (number, interval_us, _) in REPORTS.items():

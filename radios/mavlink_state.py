@@ -171,8 +171,9 @@ class AutopilotState:
                 self.refused_since_s = min(self.refused_since_s, now_s)
 
     def _judge_health(self, message: Any, now_s: float) -> None:
-        """Note the result of the checks before arming, which ArduPilot may have disabled."""
-        # PX4 checks for its present mode: in another one counts what every mode needs.
+        """Note the result of the checks before arming."""
+        # ArduPilot says whether they are enabled. PX4 does not, and reports those of its present mode: in
+        # another one than that of set points they count if what every mode needs is unhealthy.
         bit, health = mavlink.MAV_SYS_STATUS_PREARM_CHECK, message.onboard_control_sensors_health
         unhealthy = message.onboard_control_sensors_enabled & ~health
         self._failing = " and ".join(name for sensor, name in COMPONENTS.items() if unhealthy & sensor)

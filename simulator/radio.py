@@ -113,7 +113,8 @@ class RadioPty(RadioEnd):
             self.link.module.feed(frame, start_s)
 
     def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
-        """Restore the pauses of frames that piled up since a read that was long ago."""
+        """Restore the pauses of frames that piled up between two reads."""
+        # A pseudo-terminal does not report when bytes were written.
         length = self.link.module.frame_length
         if len(data) < 2 * length:
             return [(now_s, data)]

@@ -197,7 +197,7 @@ class RadioEnd(ABC):
 
     @abstractmethod
     def unplug(self, *, powered: bool = False) -> None:
-        """Pull the cable: the port vanishes for its users; `powered` if the radio has power of its own."""
+        """Remove the port, as a cable that is pulled; `powered` if the radio has power of its own."""
 
     @abstractmethod
     def replug(self, now_s: float) -> None:
@@ -211,7 +211,3 @@ class RadioEnd(ABC):
         """Give the power back; it boots."""
         if not self.reception.powered:
             self.reception.power_cycle(now_s)
-
-    def close(self) -> None:
-        """Remove the port."""
-        self.unplug()

@@ -68,4 +68,4 @@ class SimulatedRoom:
     def close(self) -> None:
         """Remove the ports of the radios."""
         for radio in self.radios.values():
-            radio.close()
+            radio.unplug()

@@ -20,9 +20,7 @@ CELL_V: Final = (3.0, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.0, 4.04, 4.1, 4.2)
 """Voltages of a resting cell with 0, 10, ... 100 % of its charge (crazyflie-firmware, pm_stm32f4.c)."""
 SHARES: Final = np.linspace(0.0, 1.0, len(CELL_V))
 CHARGE_ERROR, CAPACITY_ERROR = 0.05, 0.1  # of a charge by the voltage at rest; as a share: cells age
-LAST_SHARE: Final = (
-    0.1  # of the charge, at most, is left once the voltage in flight is too low for a take-off
-)
+LAST_SHARE: Final = 0.1  # of the charge, at most, left once a voltage in flight is too low for a take-off
 POWER_OF_THRUST: Final = 1.5  # momentum theory
 
 

@@ -205,8 +205,9 @@ class CommandValidator:
 
     def _check_order(self, cause: Cause, pose_epoch: int | None, flying: bool) -> Rejection | None:
         """Check lease, epoch and sequence number against the last accepted command."""
-        # A lease begins with the epoch of the raw poses, and changes to theirs only, when the Tracker has
-        # restarted; in flight it never decreases. `_check_age` limits how long it may be an earlier one.
+        # The first command of a lease has the epoch of the raw poses, if there are any. Later ones change to
+        # theirs only, because the Tracker has restarted, and the sequence begins anew; in flight the epoch
+        # never decreases. `_check_age` limits how long it may be that of an earlier stream.
         if self.leases.lost(cause.lease):
             return Rejection.LEASE_LOST
         if not self.leases.was_issued(cause.lease):

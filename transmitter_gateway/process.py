@@ -152,7 +152,7 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Session:
-    """Join the bus and serve the radios until a late router is there; an error brings vehicles down."""
+    """Join the bus while radios are served, as a router may be late; after an error bring vehicles down."""
     pool = ThreadPoolExecutor()
     try:
         radios.serve()

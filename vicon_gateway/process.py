@@ -193,11 +193,8 @@ class TrackerGateway:
             self._flown = ()
 
     def _notice_other_gateway(self, now_s: float) -> None:
-        """Stand by while another gateway publishes: of two, the one that began later continues.
-
-        A gateway that has published nothing yet never stands by: what it receives may be the last pose of one
-        that has just died.
-        """
+        """Stand by while another gateway publishes: of two, the one that began later continues."""
+        # One that has published nothing yet never does: it may receive the last pose of one that has died.
         for received in self._published.drain():
             epoch = received.message.epoch
             if epoch <= self.epochs.epoch:

@@ -184,22 +184,20 @@ class Guidance:
         self.on_event(Event.LAND, estimate, time_s)
         return None
 
-    def go_to(
+    def way_to(
         self, position_m: Array, yaw_rad: float, time_s: float = 0.0, limits: ProfileLimits | None = None
-    ) -> str | None:
-        """Fly to a set point, inertial frame; a refusal is returned as its reason.
-
-        The reference goes there smoothly, within limits that followers impose; without them it steps.
-        """
-        problem = self.flight_problem()
-        if problem is not None:
-            return problem
-        self.remark = ""
+    ) -> ReferenceSource:
+        """Return a smooth way to a set point within limits that followers impose; without them it steps."""
         if limits is None:
-            self.task.source = SetPointReference(position_m, yaw_rad)
-        else:
-            self.task.source = smooth_way(limits, position_m, yaw_rad, self.task.source, time_s)
-        return None
+            return SetPointReference(position_m, yaw_rad)
+        return smooth_way(limits, position_m, yaw_rad, self.task.source, time_s)
+
+    def go_to(self, source: ReferenceSource) -> str | None:
+        """Fly to a set point; a refusal is returned as its reason."""
+        problem = self.flight_problem()
+        if problem is None:
+            self.remark, self.task.source = "", source
+        return problem
 
     def heading_rad(self, time_s: float) -> float:
         """Return the heading of the own reference now, with all turns."""

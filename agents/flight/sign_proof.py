@@ -36,9 +36,7 @@ from rcopterx.vehicles.state import (
 
 STICKS: Final = [U_PITCH, U_ROLL, U_YAW]
 PULSE_S: Final = 0.1
-PULSES: Final = np.array(
-    ((1, 1, 0), (0, 0, 1), (0, -1, 1), (1, -1, 0), (-1, 1, -1), (-1, 0, -1)), dtype=np.float64
-)
+PULSES: Final = np.array(((1.0, 1, 0), (0, 0, 1), (0, -1, 1), (1, -1, 0), (-1, 1, -1), (-1, 0, -1)))
 """Pulses of the sticks, shape (k, 3), with sums of 0: they leave no velocity. Answers that are up to 90 ms
 later than the model says are not like those to another stick, or to a reversed one."""
 ANSWER_S: Final = 0.17  # time in which a quick vehicle tilts
@@ -247,7 +245,7 @@ class SignProof:
 
 
 def _reading(seen: "_Regression", shown: bool) -> int | None:
-    """Number of the reading of pitch and roll, None without certainty; `shown`: all pulses are answered."""
+    """Number of the reading that pitch and roll show, when all pulses are `shown`; None without certainty."""
     found = seen.fitted()
     if found is None:
         return None

@@ -19,6 +19,7 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from rcopterx.bus.session import Incoming
 from rcopterx.control.references.columns import POSE
+from rcopterx.control.references.set_points import SetPointReference
 from rcopterx.formation.placement import Room, offset_problem, place_problem
 from rcopterx.formation.topology import ancestors, in_words, line_between
 from rcopterx.user_text import similar
@@ -206,7 +207,8 @@ class LeaderChanges:
             self._follow(change.following, None)
         else:
             pilot.guidance.lead(pilot.estimate)
-            pilot.guidance.go_to(np.array(change.set_point.position_m), change.set_point.yaw_rad)
+            place = change.set_point
+            pilot.guidance.go_to(SetPointReference(np.array(place.position_m), place.yaw_rad))
         self.update_subscriptions()
 
     def update_subscriptions(self) -> None:
@@ -302,6 +304,7 @@ class LeaderChanges:
         if problem is not None or not self.pilot.guidance.rotor_on:
             return problem
         links, heads = self.peers.formation()
+        heads[self.vehicle] = self.pilot.estimate.motion[POSE].copy()
         for link in following:
             plan = self.plans.newest(link.leader)
             if link.leader not in links and plan is not None:

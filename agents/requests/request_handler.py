@@ -20,27 +20,29 @@ from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.bus import requests
 from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
+from rcopterx.control.references.columns import POSE
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
+from rcopterx.control.references.set_points import TimedPath
 from rcopterx.control.references.trajectory import nearest_heading
-from rcopterx.formation.placement import Room, move_problem, take_off_problem
+from rcopterx.formation.placement import move_problem, take_off_problem
 from rcopterx.formation.profile_limits import profile_limits_of
 from rcopterx.formation.topology import FormationGraph, followers, places
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array
 
-CHECKED_EVERY_S: Final = 0.1  # between moments of a trajectory at which places of followers are checked
+CHECKED_EVERY_S: Final = 0.1  # between places of a way that are checked
 
-FormationCheck = Callable[[Array], str | None]
-"""Returns why followers cannot come along on a way, shape (k, 4 or more); None if they can."""
+RoomCheck = Callable[..., str | None]
+"""Returns why there is no room for a way, shape (k, 4), or for followers beside it; see `move_problem`."""
 
 
 @dataclass
 class TrajectoryRequests:
     """At most one trajectory that is being checked; `refusal` is why none is taken now, if so."""
 
-    room: Room
     pilot: Pilot
     refusal: Callable[[], str | None]
-    formation_check: Callable[[], FormationCheck]
+    room_check: Callable[[], RoomCheck]
     wake: Callable[[], None]
 
     def __post_init__(self) -> None:
@@ -56,9 +58,9 @@ class TrajectoryRequests:
         if problem is not None:
             incoming.answer(reply_of(problem))
             return
-        path, formation = FlightPath(request.knots.to_numpy()), self.formation_check()
+        path, check = FlightPath(request.knots.to_numpy()), self.room_check()
         self._incoming, self._path = incoming, path
-        self._work.begin(lambda: self._problem(path, path.duration_s, formation))
+        self._work.begin(lambda: self._problem(path, path.duration_s, check))
 
     def wait(self) -> None:
         """Wait for the end of the check."""
@@ -85,7 +87,7 @@ class TrajectoryRequests:
         present = guidance.task.source.sample(time_s, 1.0, 1).samples[0]
         run_in_s = run_in_time_s(path, present)
         whole = begun_from(path, present, run_in_s)
-        problem = self._problem(whole, run_in_s, self.formation_check())
+        problem = self._problem(whole, run_in_s, self.room_check())
         if problem is None:
             guidance.fly(whole, time_s)
         else:
@@ -97,11 +99,10 @@ class TrajectoryRequests:
         )
         return True
 
-    def _problem(self, path: FlightPath, until_s: float, formation: FormationCheck) -> str | None:
+    def _problem(self, path: FlightPath, until_s: float, check: RoomCheck) -> str | None:
         """Return why the first part of a path cannot be flown; None if it can."""
-        room = self.room
-        problem = path_problem(path, self.pilot.model, room.min_m, room.max_m, until_s)
-        return problem or formation(path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S)))
+        way = path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S))[:, POSE]
+        return check(way) or path_problem(path, self.pilot.model, until_s)
 
 
 MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between
@@ -134,7 +135,6 @@ class RequestHandler:
     def __post_init__(self) -> None:
         self._tuned_by: Incoming | None = None
         self.trajectories = TrajectoryRequests(
-            self.settings.room,
             self.pilot,
             lambda: self.changes.promised() or self.pilot.guidance.flight_problem(),
             lambda: self._check_of(*self.peers.formation()),
@@ -240,7 +240,13 @@ class RequestHandler:
         return reply_of(problem or self.pilot.take_off(request.height_m))
 
     def _land(self, _: requests.Land) -> requests.Reply:
-        return reply_of(self.pilot.guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
+        guidance, place_m = self.pilot.guidance, self.pilot.estimate.motion[:3]
+        problem = None
+        if guidance.phase is Phase.FLYING:
+            problem = self.settings.room.barred(np.array([place_m, (*place_m[:2], guidance.task.floor_m)]))
+        if problem is not None:
+            return reply_of(f"on its way down {problem}")
+        return reply_of(guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
     def _go_to(self, request: requests.GoTo) -> requests.Reply:
         position_m, time_s = np.array(request.set_point.position_m), self.pilot.clock.time_s
@@ -248,18 +254,17 @@ class RequestHandler:
         near_rad = self.pilot.guidance.heading_rad(time_s)
         yaw_rad = nearest_heading(request.set_point.yaw_rad, near_rad) + math.tau * request.turns
         formation = links, _ = self.peers.formation()
-        problem = (
-            self.changes.promised()
-            or self.settings.room.outside(position_m)
-            or self._check_of(*formation)(np.array([[*position_m, yaw_rad]]))
-        )
-        if problem is not None:
-            return reply_of(problem)
         vehicle, models = self.settings.vehicle, self.settings.models
         limits = profile_limits_of(links, {vehicle: self.pilot.model, **models}, vehicle)
-        return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, time_s, limits))
+        source = self.pilot.guidance.way_to(position_m, yaw_rad, time_s, limits)
+        seconds = source.path.duration_s if isinstance(source, TimedPath) else 0.0
+        way = source.sample(time_s, CHECKED_EVERY_S, 2 + int(seconds / CHECKED_EVERY_S)).samples[:, POSE]
+        way = np.vstack((self.pilot.estimate.motion[POSE], way))
+        check = self._check_of(*formation)
+        problem = self.changes.promised() or check(way, unrelated={}) or check(way[-1:])
+        return reply_of(problem or self.pilot.guidance.go_to(source))
 
-    def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> FormationCheck:
+    def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> RoomCheck:
         """Return the check of a way for the present followers and for vehicles that are not avoided."""
         own, others = self.settings.vehicle, {}
         if self.settings.separation is None or self.pilot.step_guard.avoiding is None:
@@ -297,8 +302,8 @@ class RequestHandler:
         if guidance.path_left_s(clock.time_s) > 0.0:
             problem = "it flies a trajectory"
         place_m, _ = guidance.set_point()
-        for corner_m in (place_m - request.reach_m, place_m + request.reach_m):
-            problem = problem or self.settings.room.outside(corner_m)
+        around = self.settings.room.shrunk(request.reach_m).outside(place_m)
+        problem = problem or (around and f"no room for {request.reach_m:g} m around its set point: {around}")
         try:
             excitation = Excitation(request.amplitude, request.duration_s, request.comb)
         except ValueError as error:

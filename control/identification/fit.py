@@ -304,8 +304,9 @@ def _finished(model: Model, before: Model, hover: float | None) -> Model:
 
 
 def _uncertainty(model: Model, before: Model, parts: Sequence[FittedPart]) -> Uncertainty:
-    """Uncertainty of a fitted model; parts that were refused, or are in doubt, are no more certain."""
-    # Except frequency and damping: no weights bear those of all vehicles of a type with the model of one.
+    """Uncertainty of a fitted model; parts that were refused stay as uncertain as before."""
+    # Of a part in doubt only gain and delay do: no weights bear the frequencies and dampings of all vehicles
+    # of a type with the model of one.
     certain = [
         {number.name: number.deviation / number.value for number in part.parameters if number.value > 0.0}
         for part in parts

@@ -46,13 +46,7 @@ def spiral(
     def curve(angle: Array) -> Array:
         share = angle / whole
         radius = radii_m[0] + (radii_m[1] - radii_m[0]) * share
-        return np.column_stack(
-            (
-                center_m[0] + radius * np.cos(angle),
-                center_m[1] + radius * np.sin(angle),
-                center_m[2] + climb_m * share,
-            )
-        )
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), climb_m * share))
 
     return _along(curve, whole, period_s, heading, center_m)
 
@@ -64,13 +58,7 @@ def figure_eight(
     _positive(size_m=min(size_m), period_s=period_s)
 
     def curve(angle: Array) -> Array:
-        return np.column_stack(
-            (
-                center_m[0] + size_m[0] * np.sin(angle),
-                center_m[1] + size_m[1] * np.sin(2 * angle),
-                np.full(len(angle), center_m[2]),
-            )
-        )
+        return np.column_stack((size_m[0] * np.sin(angle), size_m[1] * np.sin(2 * angle), 0.0 * angle))
 
     return _along(curve, math.tau * turns, period_s, heading, center_m)
 
@@ -103,7 +91,7 @@ def through(waypoints: Sequence[Sequence[float]] | Array, whole_turns: bool = Fa
 def _along(
     curve: Callable[[Array], Array], whole_rad: float, period_s: float, heading: str, center_m: Three
 ) -> FlightPath:
-    """Fly a curve of an angle at constant speed, with smooth ramps at both ends."""
+    """Fly a curve about a center, by an angle, at constant speed, with smooth ramps at both ends."""
     if heading not in HEADINGS:
         raise PathError(f"heading: {heading!r} is not one of {', '.join(HEADINGS)}")
     if not 0.1 <= abs(whole_rad) / math.tau <= 100:
@@ -113,12 +101,12 @@ def _along(
     duration_s = abs(whole_rad) / speed + ramp_s
     times = _knot_times(duration_s)
     angle = math.copysign(speed, whole_rad) * _eased(times, ramp_s, duration_s)
-    places, yaw_rad = curve(angle), np.zeros(len(times))
+    arms, yaw_rad = curve(angle), np.zeros(len(times))
     if heading != "fixed":
         ahead = curve(angle + _SMALL_RAD) - curve(angle - _SMALL_RAD)
-        towards = math.copysign(1.0, whole_rad) * ahead if heading == "along" else center_m - places
+        towards = math.copysign(1.0, whole_rad) * ahead if heading == "along" else -arms
         yaw_rad = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
-    return through(np.column_stack((times, places, yaw_rad)))
+    return through(np.column_stack((times, np.array(center_m) + arms, yaw_rad)))
 
 
 def _eased(times: Array, ramp_s: float, duration_s: float) -> Array:

@@ -24,9 +24,16 @@ from rcopterx.control.references.columns import (
 from rcopterx.control.references.trajectory import nearest_heading, whole_turns
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.tuples import Three
 
 PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from rest to rest
+PEAK_ACCELERATION: Final = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
+
+
+def leg_time_s(way_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
+    """Return the time of a quintic from rest to rest with this peak speed and acceleration at most."""
+    return max(
+        PEAK_TO_MEAN_SPEED * way_m / speed_m_s, math.sqrt(PEAK_ACCELERATION * way_m / acceleration_m_s2)
+    )
 
 
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
@@ -161,24 +168,10 @@ def run_in_time_s(path: FlightPath, present: Array) -> float:
     )
 
 
-def path_problem(
-    path: FlightPath, model: Model, low_m: Three, high_m: Three, until_s: float | None = None
-) -> str | None:
-    """Return where a path leaves the flight volume or exceeds the model's limits; None if it can be flown.
-
-    Only the part before `until_s` is checked, the whole path by default.
-    """
-    until_s = path.duration_s if until_s is None else until_s
+def path_problem(path: FlightPath, model: Model, until_s: float) -> str | None:
+    """Return where a path exceeds the model's limits before `until_s`; None if it does not."""
     times = np.arange(0.0, until_s + _CHECKED_EVERY_S, _CHECKED_EVERY_S)
     samples = path.sample(times)
-    for axis, name in enumerate("xyz"):
-        outside = (samples[:, axis] < low_m[axis] - 1e-6) | (samples[:, axis] > high_m[axis] + 1e-6)
-        if outside.any():
-            at = int(np.argmax(outside))
-            return (
-                f"at {times[at]:.2f} s {name} is {samples[at, axis]:.2f} m, outside the flight volume "
-                f"{low_m[axis]:g} .. {high_m[axis]:g} m"
-            )
     rate, acceleration = samples[:, RATES].copy(), samples[:, ACCELERATIONS].copy()
     for horizontal in (rate, acceleration):
         horizontal[:, :2] = in_frames(samples[:, YAW], horizontal[:, :2])

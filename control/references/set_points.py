@@ -20,6 +20,7 @@ from rcopterx.control.references.columns import (
 from rcopterx.control.references.paths import (
     PEAK_TO_MEAN_SPEED,
     FlightPath,
+    leg_time_s,
     quintic,
     quintic_jerk,
     suspended,
@@ -194,7 +195,6 @@ FLARE_M: Final = 0.2  # height above the floor from which the vehicle descends s
 TOUCHDOWN_SPEED_M_S: Final = 0.25
 SHORTEST_FAST_M: Final = 0.1  # over less, a vehicle at rest would have to jerk to reach the slow speed
 DEPTH_M: Final = 0.3  # the reference ends so far below the floor, where the vehicle is seen to be stopped
-_PEAK_ACCELERATION = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
 
 
 def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> ProfileTransition:
@@ -206,10 +206,7 @@ def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> P
     fast_m = float(start_m[2]) - floor_m - FLARE_M
     if fast_m < SHORTEST_FAST_M:
         return smooth_move(start_m, end_m, yaw_rad, start_s, TOUCHDOWN_SPEED_M_S)
-    fast_s = max(
-        PEAK_TO_MEAN_SPEED * fast_m / DESCENT_SPEED_M_S,
-        math.sqrt(_PEAK_ACCELERATION * fast_m / DESCENT_ACCELERATION_M_S2),
-    )
+    fast_s = leg_time_s(fast_m, DESCENT_SPEED_M_S, DESCENT_ACCELERATION_M_S2)
     slow_s = 2.0 * (FLARE_M + DEPTH_M) / TOUCHDOWN_SPEED_M_S  # to rest, at an even deceleration
     begin, flare, end = np.zeros((3, COLUMNS))
     for knot, place_m in ((begin, start_m), (flare, end_m), (end, end_m)):

@@ -203,9 +203,7 @@ class Launcher(AbstractContextManager["Launcher"]):
     def _serve(self) -> None:
         fleet, host, supervisor = self._fleet, self._host, self.supervisor
         address, vehicles = bus_address(fleet, host), fleet.agents_on(host)
-        turns = {
-            name: fleet.agent_hosts(name).index(host) for name in vehicles if fleet.vehicles[name].spares
-        }
+        turns = {one: fleet.agent_hosts(one).index(host) for one in vehicles if fleet.vehicles[one].spares}
 
         def quick_deaths(vehicle: str) -> int:
             return supervisor.children[agent_process(vehicle)].quick_deaths

@@ -17,10 +17,10 @@ from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, agent_process
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.formation_check import room_of
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile, errors_at
-from rcopterx.fleet.vehicle_models import limits_of, model_of
-from rcopterx.formation.placement import Room
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.succession import Succession
 
 _Pilots = dict[tuple[str, str], tuple[AgentSettings, Pilot]]  # by vehicle and host
@@ -79,14 +79,13 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
     vehicle = fleet.vehicles[name]
     control, avoidance = vehicle.control, fleet.avoidance
     models = {other: model_of(fleet, other) for other in fleet.vehicles}
-    distance_m = limits_of(fleet, name).surveillance.minimum_distance_m
     ellipsoid = SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m)
     return AgentSettings(
         bus=bus_address(fleet, host or vehicle.host, agent_process(name)),
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
         model=models[name],
-        room=Room(fleet.volume.min_m, fleet.volume.max_m, distance_m),
+        room=room_of(fleet, name),
         configuration=configured(fleet, name),
         period_s=control.period_s,
         leader_wait_s=control.leader_wait_s,

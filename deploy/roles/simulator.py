@@ -10,7 +10,7 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
-from rcopterx.fleet.formation_check import formation_places
+from rcopterx.fleet.formation_check import start_places
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known, errors_at
@@ -55,8 +55,7 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
     conditions, simulator = conditions_of(fleet), fleet.simulator
     assert simulator is not None
     host, port = tracker_address(fleet)
-    places = {name: place.tolist() for name, place in formation_places(fleet).items()}
-    starts = {name: (x, y, 0.0, yaw_rad) for name, (x, y, _, yaw_rad) in places.items()} | simulator.start
+    starts = start_places(fleet)
     return SimulatorSettings(
         bus=bus_address(fleet, simulator.host, SIMULATOR),
         tracker_host=host,

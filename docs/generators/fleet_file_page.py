@@ -70,6 +70,7 @@ OF_VOLUME: Final = (
 SECTIONS: Final = (
     Section("", schema.FleetFile),
     Section("volume", schema.VolumeConfig),
+    Section("zones.NAME", schema.Zone, "See [safety.md](safety.md#keep-out-zones)."),
     Section("tracker", schema.TrackerConfig, "See [motion_capture.md](motion_capture.md)."),
     Section("simulator", schema.SimulatorConfig),
     Section("simulator.condition_overrides", Conditions, "A default is that of the preset `ideal`."),

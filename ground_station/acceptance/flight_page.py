@@ -17,13 +17,9 @@ def write_page(reports: Sequence[Mapping[str, Any]], flights: Mapping[str, str],
         for report in reports
     )
     sections = (
-        pages.section(
-            report["manoeuvre"],
-            report,
-            f"{report['seconds']} s",
-            _parts(report, flights.get(report["manoeuvre"])),
-        )
+        pages.section(name, report, f"{report['seconds']} s", _parts(report, flights.get(name)))
         for report in reports
+        for name in [report["manoeuvre"]]
     )
     overview = table(("manoeuvre", "what", "verdict", "why"), rows)
     return pages.write_page(directory, "Flown manoeuvres", reports, overview, sections)

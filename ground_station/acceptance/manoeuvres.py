@@ -23,9 +23,7 @@ def _made(module: ModuleType, words: list[Any]) -> Any:
     """Call the function of a module that a row names, with the arguments and options behind the name."""
     name, *arguments = words
     options = arguments.pop() if arguments and isinstance(arguments[-1], dict) else {}
-    return getattr(module, name)(
-        *map(_frozen, arguments), **{key: _frozen(value) for key, value in options.items()}
-    )
+    return getattr(module, name)(*map(_frozen, arguments), **{k: _frozen(v) for k, v in options.items()})
 
 
 def _frozen(value: Any) -> Any:

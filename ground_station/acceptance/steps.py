@@ -1,7 +1,7 @@
 """Steps of manoeuvres; each waits until it is done."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Concatenate, Final, ParamSpec
 
@@ -91,17 +91,9 @@ def go_together(fleet: Fleet, say: Say, wait: Wait, /, **places_m: Three) -> Non
 
 
 @step
-def figure_eight(
-    fleet: Fleet,
-    say: Say,
-    wait: Wait,
-    center_m: Three,
-    size_m: tuple[float, float],
-    period_s: float,
-    turns: float,
-) -> None:
-    """Have the leader fly a figure-eight to its end."""
-    leader, path = leader_of(fleet), path_shapes.figure_eight(center_m, size_m, period_s, turns)
+def figure_eight(fleet: Fleet, say: Say, wait: Wait, *arguments: Any) -> None:
+    """Have the leader fly `path_shapes.figure_eight` to its end."""
+    leader, path = leader_of(fleet), path_shapes.figure_eight(*arguments)
     say(f"{leader}: trajectory of {fleet[leader].fly(path, wait=True)}")
     wait(REST_S)
 
@@ -139,9 +131,7 @@ def follow(
 
 
 @step
-def follow_several(
-    fleet: Fleet, say: Say, _wait: Wait, name: str, leaders: Sequence[Mapping[str, Any]]
-) -> None:
+def follow_several(fleet: Fleet, say: Say, _wait: Wait, name: str, leaders: Sequence[dict[str, Any]]) -> None:
     """Give a vehicle several leaders with weights, by the fields of their links."""
     links = [convert(leader, LeaderLink) for leader in leaders]
     say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
@@ -196,22 +186,14 @@ def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
 
 @step
 def refused(
-    fleet: Fleet,
-    say: Say,
-    _wait: Wait,
-    /,
-    what: str,
-    name: str,
-    request: str,
-    *arguments: Any,
-    **options: Any,
+    fleet: Fleet, say: Say, _wait: Wait, /, what: str, name: str, method: str, *arguments: Any, **options: Any
 ) -> None:
     """Call a method of a vehicle, or of the fleet if `name` is empty, that must be refused.
 
     Raises `NotReachedError` if it is accepted.
     """
     try:
-        getattr(fleet[name] if name else fleet, request)(*arguments, **options)
+        getattr(fleet[name] if name else fleet, method)(*arguments, **options)
     except RefusedError as error:
         say(f"{what}: refused, {error}")
         return

@@ -14,7 +14,8 @@ from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
-from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.fleet.formation_check import room_of
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.flights.ordinary_flight import recording_of
 from rcopterx.ground_station.identification.spacing import IdentificationError, spread, usual_reach
 from rcopterx.ground_station.report.recorder import FlightSampler, Recording
@@ -68,10 +69,9 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
         for name, status in flying.items()
     }
     places = {name: home.position_m for name, home in homes.items()}
-    volume_m = fleet.file.volume.min_m, fleet.file.volume.max_m
-    distance_m = limits_of(fleet.file, names[0]).surveillance.minimum_distance_m or 0.0
-    reach_m = reach_m or usual_reach(len(names), distance_m, volume_m)
-    apart = spread(places, reach_m, distance_m, volume_m)
+    room = room_of(fleet.file, names[0])
+    reach_m = reach_m or usual_reach(len(names), room)
+    apart = spread(places, reach_m, room)
     not_back: dict[str, str] = {}
     try:
         for name, state in states.items():

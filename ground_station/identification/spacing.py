@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from rcopterx.formation.placement import Room
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
@@ -18,28 +19,25 @@ class IdentificationError(RefusedError):
     """Vehicles cannot be excited, or their flight cannot be used; the message says why."""
 
 
-def spread(
-    places_m: Mapping[str, Three], reach_m: float, distance_m: float, volume_m: tuple[Three, Three]
-) -> dict[str, Three]:
+def spread(places_m: Mapping[str, Three], reach_m: float, room: Room) -> dict[str, Three]:
     """Move vehicles without enough room to points of a horizontal grid that fills the flight volume.
 
     Heights stay. The sum of the squared distances is the smallest possible, so that ways do not cross.
     `places_m`: places of the vehicles, inertial frame. `reach_m`: how far each vehicle may move on every
-    axis. `distance_m`: distance that is left between two of them then. `volume_m`: lowest and highest corner
-    of the flight volume. Raises `IdentificationError`: the grid has fewer points than vehicles.
+    axis. Raises `IdentificationError`: the grid has fewer points than vehicles.
     """
-    names, places = list(places_m), np.array(list(places_m.values()))
-    low, high = _corners(reach_m, volume_m)
-    if (places >= low).all() and (places <= high).all() and _are_apart(places, distance_m + 2.0 * reach_m):
+    names, places, around = list(places_m), np.array(list(places_m.values())), room.shrunk(reach_m + EDGE_M)
+    free = all(around.outside(place) is None for place in places)
+    if free and _are_apart(places, _spacing_m(reach_m, room)):
         return dict(places_m)
-    grid = _grid(reach_m, distance_m, volume_m)
+    grid = _grid(reach_m, room)
     if len(grid) < len(names):
         raise IdentificationError(
             f"the flight volume has room for {len(grid)} excited vehicles, not for {len(names)}; "
             "identify fewer at the same time, or give a smaller --reach"
         )
     _, chosen = linear_sum_assignment(((places[:, None, :2] - grid) ** 2).sum(axis=-1))
-    heights = np.clip(places[:, 2], low[2], high[2])
+    heights = np.clip(places[:, 2], around.min_m[2], around.max_m[2])
     return {
         name: three(np.array((*point, height)))
         for name, point, height in zip(names, grid[chosen], heights, strict=True)
@@ -52,26 +50,26 @@ def _are_apart(places: Array, apart_m: float) -> bool:
     return bool((gaps_m[np.triu_indices(len(places), 1)] >= apart_m).all())
 
 
-def usual_reach(count: int, distance_m: float, volume_m: tuple[Three, Three]) -> float:
+def usual_reach(count: int, room: Room) -> float:
     """Return the largest usual reach with which `count` vehicles have room; see `spread`."""
-    fitting = [one for one in REACHES_M if len(_grid(one, distance_m, volume_m)) >= count]
-    return max(fitting, default=min(REACHES_M))
+    return max((one for one in REACHES_M if len(_grid(one, room)) >= count), default=min(REACHES_M))
 
 
-def _grid(reach_m: float, distance_m: float, volume_m: tuple[Three, Three]) -> Array:
-    """Horizontal points of excited vehicles, as many as have room, shape (k, 2)."""
-    low, high = _corners(reach_m, volume_m)
+def _spacing_m(reach_m: float, room: Room) -> float:
+    return (room.minimum_distance_m or 0.0) + 2.0 * reach_m
+
+
+def _grid(reach_m: float, room: Room) -> Array:
+    """Horizontal points of excited vehicles, as many as have room at any height, shape (k, 2)."""
+    around = room.shrunk(reach_m + EDGE_M)
+    low, high = np.array(around.min_m), np.array(around.max_m)
     if (low > high).any():
         return np.zeros((0, 2))
-    counts = ((high - low)[:2] / (distance_m + 2.0 * reach_m)).astype(int) + 1
+    counts = ((high - low)[:2] / _spacing_m(reach_m, room)).astype(int) + 1
     columns, rows = (
         np.linspace(low[axis], high[axis], count) if count > 1 else (low + high)[axis : axis + 1] / 2.0
         for axis, count in enumerate(counts)
     )
-    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-
-
-def _corners(reach_m: float, volume_m: tuple[Three, Three]) -> tuple[Array, Array]:
-    """Lowest and highest place of an excited vehicle, shape (3,)."""
-    margin_m = reach_m + EDGE_M
-    return np.array(volume_m[0]) + margin_m, np.array(volume_m[1]) - margin_m
+    grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    heights = (high[2], low[2], high[2])
+    return grid[[around.barred(np.array([(*point, z) for z in heights])) is None for point in grid]]

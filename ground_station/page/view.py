@@ -57,6 +57,7 @@ def fleet_shown(file: FleetFile, steers: bool) -> Shown:
         "steers": steers,
         "vehicles": vehicles,
         "volume_m": (file.volume.min_m, file.volume.max_m),
+        "zones": file.zones,
         "controllers": list(CONTROLLERS.available()),
         "shapes": list(SHAPES),
         "groups": GROUPS,

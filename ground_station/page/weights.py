@@ -37,9 +37,7 @@ class Weights:
             # Weights that no setting gives are the default ones.
             settings = (settings if before == CASCADE else {}) | agent.diagnostics.controller_settings
         factors = {index: 2.0 ** powers[group] for group, indices in _STATES.items() for index in indices}
-        states = tuple(
-            weight * factors.get(index, 1.0) for index, weight in enumerate(default["state_weights"])
-        )
+        states = tuple(weight * factors.get(i, 1.0) for i, weight in enumerate(default["state_weights"]))
         inputs = tuple(weight * 2.0 ** powers[EFFORT] for weight in default["input_weights"])
         if self._tune(self._name, CASCADE, {"state_weights": states, "input_weights": inputs}):
             self._history.append((self.powers, before, settings))

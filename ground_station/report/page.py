@@ -25,9 +25,7 @@ def report_page(*flights: LoggedFlight) -> str:
     """Return the report of a flight, or of several side by side, as one file that opens without a server."""
     names = " and ".join(flight.name for flight in flights)
     dates = " and ".join(flight.metadata.get("started", "")[:MINUTE].replace("T", " ") for flight in flights)
-    films = [
-        filmed(flight.name, flight.fleet, flight.recording.records(), flight.started_s) for flight in flights
-    ]
+    films = [filmed(one.name, one.fleet, one.recording.records(), one.started_s) for one in flights]
     figures = f'<section class="report" id="figures">{_beside(_figures, flights)}</section>'
     folded = (
         f'<details class="report"><summary>{escape(title)}</summary>{_beside(part, flights)}</details>'

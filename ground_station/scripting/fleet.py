@@ -11,10 +11,9 @@ import numpy as np
 
 from rcopterx.bus.requests import Resume, Suspend
 from rcopterx.bus.session import RequestFailedError
-from rcopterx.fleet.formation_check import links_of
+from rcopterx.fleet.formation_check import links_of, room_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
-from rcopterx.fleet.vehicle_models import limits_of
-from rcopterx.formation.placement import Room, take_off_problem
+from rcopterx.formation.placement import take_off_problem
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
@@ -115,13 +114,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Bring all flying vehicles into a line, column, wedge or ring behind a vehicle that leads.
 
         They get places in the order of their names, or, with `assign`, those with the least longest way.
-        Returns the line of ancestors of each. Raises `RefusedError`: a vehicle refuses its place although all
-        others have left it, or `leader` does not fly, or follows; KeyError: no such shape.
+        Returns the line of ancestors of each. Raises `RefusedError`: a place is outside the volume or in a
+        zone, and nothing has changed; a vehicle refuses its place although all others have left it; or
+        `leader` does not fly, or follows; KeyError: no such shape.
         """
         from rcopterx.ground_station.scripting.regroup import shaped
 
         self.wait_for_status()
-        waiting, lines = shaped(self.statuses(), shape, leader, spacing_m, assign=assign), []
+        waiting, lines = shaped(self.statuses(), shape, leader, spacing_m, room_of(self.file), assign), []
         while waiting:
             refused: dict[str, RefusedError] = {}
             for name, link in waiting.items():
@@ -310,9 +310,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         state = self._moving_state_of(name, lambda state: state.seen_at_m is not None)
         if state.seen_at_m is None or state.airborne:
             return None
-        low_m, high_m = self.file.volume.min_m, self.file.volume.max_m
-        room = Room(low_m, high_m, limits_of(self.file, name).surveillance.minimum_distance_m)
-        following = links_of(self.file)[name]
+        following, room = links_of(self.file)[name], room_of(self.file, name)
         return take_off_problem(name, np.array(state.seen_at_m), height_m, following, self.statuses(), room)
 
     def leave(self, name: str, timeout_s: float = 15.0) -> None:

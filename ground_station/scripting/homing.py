@@ -9,32 +9,28 @@ import numpy as np
 
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.fleet.vehicle_models import limits_of
+from rcopterx.fleet.formation_check import room_of
 from rcopterx.formation.homing import LONGEST_S, free_places, ways_to
-from rcopterx.formation.placement import Room
 from rcopterx.formation.topology import followers, formation_of
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.state import arrival_problem
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.vehicles.phases import Phase
-from rcopterx.vehicles.state import Array, three
+from rcopterx.vehicles.state import Array
 
 FREE_FLIGHT_S: Final = 10.0  # for take-offs to end, and for transmitter gateways to return vehicles
 SETTLING_S: Final = 2.5  # for vehicles to come to rest at their set points, at which their ways begin
 ARRIVED_M: Final = 0.1
 ARRIVAL_S: Final = 5.0  # after the last way has ended
-INSIDE_M: Final = 0.1  # distance from the borders of the flight volume
+INSIDE_M: Final = 0.1  # distance from the borders of the flight volume and of zones
 SENDING_S: Final = 0.1  # for a request to one vehicle: all ways begin at the same moment
 SHORTEST_WAIT_S: Final = 0.01
 TIMING_M: Final = 0.05  # that vehicles keep in addition, since they begin and fly their ways not quite alike
 
 
 def fly_home(
-    fleet: Observer,
-    vehicles: Mapping[str, Vehicle],
-    names: Sequence[str],
-    land: Callable[[Sequence[str]], None],
+    fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[str], land: Callable[[list[str]], None]
 ) -> None:
     """Bring vehicles back to where they took off, and `land` them; see `Fleet.home`."""
     fleet.watch_motion()  # Vehicles without an agent are seen by the motion capture only.
@@ -50,7 +46,7 @@ def fly_home(
         astray = [name for name in flying if arrival_problem(fleet.state_of(name), ARRIVED_M)]
         land([name for name in names if name not in astray])
         raise
-    land(names)
+    land([*names])
 
 
 def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[str]) -> list[str]:
@@ -72,19 +68,17 @@ def _holding(fleet: Observer, vehicles: Mapping[str, Vehicle], names: Sequence[s
 
 def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     """Return ways from the set points of vehicles to their places; `RefusedError` if one has none."""
-    volume, avoidance, statuses = fleet.file.volume, fleet.file.avoidance, fleet.statuses()
+    avoidance, statuses = fleet.file.avoidance, fleet.statuses()
     if missing := [name for name in flying if name not in statuses]:
         raise RefusedError(f"{', '.join(missing)}: the agent is silent")
-    low_m, high_m = np.array(volume.min_m) + INSIDE_M, np.array(volume.max_m) - INSIDE_M
-    distance_m = limits_of(fleet.file, next(iter(fleet.file.vehicles))).surveillance.minimum_distance_m
-    room = Room(three(low_m), three(high_m), distance_m)
+    room = room_of(fleet.file).shrunk(INSIDE_M)
     present, homes_m = {}, {}
     for name in flying:
         status = statuses[name]
         # From outside, the run-in of a trajectory leads to its beginning.
-        inside_m = np.clip(status.set_point.position_m, low_m, high_m)
+        inside_m = np.clip(status.set_point.position_m, room.min_m, room.max_m)
         present[name] = np.append(inside_m, status.set_point.yaw_rad)
-        homes_m[name] = np.array(status.home_m or (*inside_m[:2], min(volume.min_m[2], 0.0)))
+        homes_m[name] = np.array(status.home_m or (*inside_m[:2], min(fleet.file.volume.min_m[2], 0.0)))
     others_m = _others(fleet, flying)
     across_m = avoidance.horizontal_m + TIMING_M
     ends_m = free_places(homes_m, others_m, room, across_m)

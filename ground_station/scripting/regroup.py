@@ -16,6 +16,7 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, Suspend, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.formation import topology
+from rcopterx.formation.placement import Room
 from rcopterx.formation.shapes import formation_links
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
@@ -69,19 +70,24 @@ def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
 
 
 def shaped(
-    statuses: Mapping[str, AgentStatus], shape: str, leader: str, spacing_m: float, *, assign: bool
+    statuses: Mapping[str, AgentStatus], shape: str, leader: str, spacing_m: float, room: Room, assign: bool
 ) -> dict[str, LeaderLink]:
-    """Links of all that fly in a formation behind a leader; RefusedError if it does not fly, or follows."""
+    """Links of all that fly in a formation behind a leader; RefusedError: it cannot lead, or has no room."""
     _expect_flying(statuses, leader)
     links, heads = topology.formation_of(statuses)
     if links[leader]:
         raise RefusedError(f"{leader} {role(links[leader])}; let it lead first")
     where = topology.places(links, heads)
     names = [name for name in sorted(where) if name != leader and statuses[name].phase == "flying"]
-    if not assign:
-        return formation_links(shape, leader, names, spacing_m)
-    present_m = [turned_about_z((where[name] - where[leader])[:3], -where[leader][3]) for name in names]
-    return formation_links(shape, leader, names, spacing_m, np.array(present_m).reshape(-1, 3))
+    present_m = None
+    if assign:
+        beside = [turned_about_z((where[name] - where[leader])[:3], -where[leader][3]) for name in names]
+        present_m = np.array(beside).reshape(-1, 3)
+    found = formation_links(shape, leader, names, spacing_m, present_m)
+    for name, link in found.items():
+        if (problem := room.outside(topology.station((link,), (where[leader],)))) is not None:
+            raise RefusedError(f"no place for {name}: {problem}")
+    return found
 
 
 def regroup(

@@ -39,9 +39,7 @@ def fleet_view(fleet: Fleet, columns: Sequence[Quantity]) -> Group:
     for vehicle in fleet:
         state = vehicle.state
         # Texts from the bus are shown as they are, whatever brackets they contain.
-        cells = (
-            Text(column.text(state) or "-", "red" if column.alarming(state) else "") for column in columns
-        )
+        cells = (Text(one.text(state) or "-", "red" if one.alarming(state) else "") for one in columns)
         table.add_row(*cells)
     problems = (Text(line, style="red") for line in fleet.problems())
     return Group(table, *problems, *(Text(f"note: {line}", style="dim") for line in fleet.notes()))

@@ -32,7 +32,7 @@ def test_every_controller_and_estimator_takes_off_flies_and_lands(controller: st
         lab.run(0.1)
         assert plant.time_s < 4.0
     assert plant.state.motion[2] == pytest.approx(0.8, abs=0.2)
-    assert pilot.guidance.go_to(np.array([0.3, -0.2, 1.0]), 0.8) is None
+    assert pilot.guidance.go_to(pilot.guidance.way_to(np.array([0.3, -0.2, 1.0]), 0.8)) is None
     lab.run(4.0)
     assert plant.state.motion[:4] == pytest.approx([0.3, -0.2, 1.0, 0.8], abs=0.1)
     assert pilot.guidance.land(pilot.estimate, pilot.clock.time_s) is None
@@ -57,7 +57,7 @@ def test_a_vehicle_that_looks_back_flies_without_a_whole_turn(yaw_rad: float) ->
     for turn_rad in (0.1, -0.1):
         goal_rad = plant.state.motion[YAW] + turn_rad
         to_rad = pilot.estimate.motion[YAW] + turn_rad
-        assert pilot.guidance.go_to(np.array([0.0, 0.0, 0.8]), to_rad) is None
+        assert pilot.guidance.go_to(pilot.guidance.way_to(np.array([0.0, 0.0, 0.8]), to_rad)) is None
         lab.run(2.0)
         assert plant.state.motion[YAW] == pytest.approx(goal_rad, abs=0.05)
 
@@ -122,7 +122,7 @@ def test_commands_are_finite_and_within_the_limits_whatever_happens(
         elif step == "land":
             pilot.guidance.land(pilot.estimate, pilot.clock.time_s)
         elif step == "go_to":
-            pilot.guidance.go_to(np.array([100.0, -100.0, 50.0]), -1e6)
+            pilot.guidance.go_to(pilot.guidance.way_to(np.array([100.0, -100.0, 50.0]), -1e6))
         elif step == "lead":
             pilot.guidance.lead(pilot.estimate)
         elif isinstance(step[0], str):

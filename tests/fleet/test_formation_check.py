@@ -1,10 +1,12 @@
 """Promises of a fleet file's formation: it fits into the volume, and vehicles keep their distance."""
 
+from dataclasses import replace
+
 import pytest
 from support.fleets import PAIR
 
 from rcopterx.deploy.roles.agent import agent_settings
-from rcopterx.fleet.formation_check import check_formation
+from rcopterx.fleet.formation_check import check_formation, room_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -30,12 +32,38 @@ follow = [{ leader = "h2", offset_m = [%s] }]
 )
 def test_formations_that_cannot_be_flown_are_refused(offset: str, words: str) -> None:
     with pytest.raises(FleetError, match=words):
-        check_formation(parse_fleet(PAIR + THIRD % offset), 0.3)
+        check_formation(fleet := parse_fleet(PAIR + THIRD % offset), room_of(fleet))
 
 
 def test_formations_with_room_are_taken_and_so_are_close_ones_without_a_limit() -> None:
-    check_formation(parse_fleet(PAIR + THIRD % "0.4, 0.4, 0.2"), 0.3)
-    check_formation(parse_fleet(PAIR + THIRD % "0.1, 0.0, 0.1"), None)
+    check_formation(fleet := parse_fleet(PAIR + THIRD % "0.4, 0.4, 0.2"), room_of(fleet))
+    close = parse_fleet(PAIR + THIRD % "0.1, 0.0, 0.1")
+    check_formation(close, replace(room_of(close), minimum_distance_m=None))
+
+
+ZONE = "\n[zones.table]\nmin_m = %s\nmax_m = %s\n"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (
+            "[-0.1, -0.1, 0.0]",
+            "[0.1, 0.1, 0.5]",
+            r"^vehicles\.h1: where it stands: \(0\.00, 0\.00, 0\.00\) m is .* zone table$",
+        ),
+        (
+            "[-0.9, 0.4, 0.9]",
+            "[-0.5, 0.6, 1.0]",
+            r"^vehicles\.h2: where it flies in formation: .* zone table$",
+        ),
+    ],
+)
+def test_vehicles_neither_stand_nor_fly_in_a_zone(low: str, high: str, words: str) -> None:
+    with pytest.raises(FleetError, match=words):
+        check_formation(fleet := parse_fleet(PAIR + ZONE % (low, high)), room_of(fleet))
+    beside = ZONE % ("[0.5, 0.5, 0.0]", "[0.9, 0.9, 2.0]")
+    check_formation(fleet := parse_fleet(PAIR + beside), room_of(fleet))
 
 
 @pytest.mark.parametrize(

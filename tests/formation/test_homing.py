@@ -1,7 +1,7 @@
 """Ways home of random situations: all vehicles arrive in time, clear of each other."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import rcopterx.fleet
+from rcopterx.bus.messages import Zone
 from rcopterx.control.references.paths import path_problem
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.homing import ABOVE_M, LONGEST_S, free_places, ways_to
 from rcopterx.formation.placement import Room
+from rcopterx.formation.zones import entered
 
 SHIPPED = Path(rcopterx.fleet.__file__).parent / "fleets"
 ROOM = Room((-1.1, -1.1, 0.1), (1.1, 1.1, 1.9))
@@ -118,4 +120,23 @@ def test_vehicles_of_every_shipped_fleet_can_fly_the_ways(fleet: str) -> None:
         model, home_m, room = model_of(file, name), np.zeros(3), Room(low_m, high_m)
         for start_m in ((0.9, -0.9, 1.8), (0.0, 0.0, 1.8), (-0.9, 0.0, 0.6)):
             (way,) = ways_to({name: home_m}, {name: np.append(start_m, 0.7)}, [], room, HALF_AXES_M).values()
-            assert path_problem(way, model, low_m, high_m) is None, name
+            assert path_problem(way, model, way.duration_s) is None, name
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_ways_lead_round_a_zone_and_end_beside_it(shape: str) -> None:
+    zone = Zone(min_m=(-0.2, -0.2, 0.0), max_m=(0.2, 0.2, 2.0), shape=shape)
+    room = replace(ROOM, zones={"pillar": zone})
+    present = {"h1": np.array([0.8, 0.0, 1.0, 0.0]), "h2": np.array([-0.8, 0.1, 0.6, 0.0])}
+    homes_m = {
+        "h1": np.array([-0.8, 0.0, 0.0]),
+        "h2": np.array([0.1, 0.1, 0.0]),
+    }  # the second one is in the zone
+    ends_m = free_places(homes_m, [], room, HALF_AXES_M[0])
+    assert math.dist(ends_m["h1"], homes_m["h1"]) == 0.0
+    assert 0.2 < math.dist(ends_m["h2"], homes_m["h2"]) < 0.7
+    ways = ways_to(ends_m, present, [], room, HALF_AXES_M)
+    assert ways.keys() == present.keys()
+    for name, way in ways.items():
+        track = way.sample(np.arange(0.0, way.duration_s, 0.02))[:, :3]
+        assert entered(zone, np.vstack((track, ends_m[name]))) is None, name

@@ -58,7 +58,7 @@ def bench() -> Iterator[Bench]:
     bench = Bench()
     yield bench
     bench.port.close()
-    bench.radio.close()
+    bench.radio.unplug()
 
 
 def test_a_port_opens_when_the_vehicle_answers_and_the_vehicle_flies(bench: Bench) -> None:
@@ -71,7 +71,7 @@ def test_a_port_opens_when_the_vehicle_answers_and_the_vehicle_flies(bench: Benc
 
 
 def test_nobody_there_is_a_closed_port_that_opens_later(bench: Bench) -> None:
-    bench.radio.close()
+    bench.radio.unplug()
     assert bench.run(0.5)[-1] is WriteOutcome.CLOSED
     assert not bench.port.is_open
     assert bench.path in bench.text

@@ -62,7 +62,7 @@ def bench() -> Iterator[Bench]:
     bench = Bench()
     yield bench
     for vehicle in bench.vehicles.values():
-        vehicle.close()
+        vehicle.unplug()
 
 
 @pytest.fixture

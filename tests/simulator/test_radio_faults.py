@@ -36,7 +36,7 @@ def radios(tmp_path: Path) -> Iterator[dict[str, RadioPty]]:
     found = {name: radio(tmp_path / name, kind) for name, kind in (("h1", "multi"), ("h2", "ppm"))}
     yield found
     for one in found.values():
-        one.close()
+        one.unplug()
 
 
 def test_broken_radio_mends_by_itself_at_its_end(radios: dict[str, RadioPty]) -> None:
@@ -91,4 +91,4 @@ def test_whatever_was_broken_for_a_time_is_whole_in_the_end(
         faults.advance(0.25 * step)
     assert faults.table.active == ()
     assert one.is_open
-    one.close()
+    one.unplug()

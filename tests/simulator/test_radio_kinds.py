@@ -60,7 +60,7 @@ def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Bench]:
     bench = Bench(tmp_path / "radio", request.param)
     yield bench
     bench.port.close()
-    bench.radio.close()
+    bench.radio.unplug()
 
 
 @pytest.mark.parametrize("bench", KINDS, indirect=True)

@@ -18,7 +18,7 @@ FRAME = MultiProtocol(MultiSettings(rx_num=3)).encode([1540])
 def radio(tmp_path: Path) -> Iterator[RadioPty]:
     pty = RadioPty(tmp_path / "radios" / "h1", RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
     yield pty
-    pty.close()
+    pty.unplug()
 
 
 def opened(radio: RadioPty) -> int:
@@ -57,7 +57,7 @@ def test_stale_link_of_a_killed_process_is_replaced(tmp_path: Path) -> None:
     path.symlink_to("/dev/pts/this-one-is-gone")
     radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3)))
     os.close(opened(radio))
-    radio.close()
+    radio.unplug()
     assert not path.is_symlink()
 
 
@@ -72,7 +72,7 @@ def test_a_file_in_the_way_is_not_replaced(tmp_path: Path) -> None:
 def test_close_leaves_a_link_that_belongs_to_somebody_else(radio: RadioPty) -> None:
     radio.path.unlink()
     radio.path.symlink_to("/dev/null")
-    radio.close()
+    radio.unplug()
     assert radio.path.is_symlink()
     assert radio.fileno() == -1
 

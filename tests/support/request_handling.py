@@ -1,6 +1,6 @@
 """A request handler with a pilot that does not fly, and requests that record their replies."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -61,8 +61,8 @@ class Asked:
 class HandlerBench:
     """A request handler with a pilot that does not fly."""
 
-    def __init__(self) -> None:
-        self.clock = FakeClock()
+    def __init__(self, room: Room = SETTINGS.room) -> None:
+        self.clock, settings = FakeClock(), replace(SETTINGS, room=room)
         self.plan_bus = PlanBus()
         controller = NotedController(np.zeros((1, 4)))
         self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance())
@@ -70,12 +70,12 @@ class HandlerBench:
         self.plan_bus.delivered = self.leaders.receive
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         peers = PeerStatuses("h9", self.statuses, self.clock)
-        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02)
+        self.tuning = Tuning(settings.configuration, self.pilot, 0.02)
         external = ExternalControl(self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
         self.changes = LeaderChanges(
-            "h9", SETTINGS.vehicles, SETTINGS.room, self.pilot, self.leaders, peers, self.clock
+            "h9", settings.vehicles, settings.room, self.pilot, self.leaders, peers, self.clock
         )
-        self.handler = RequestHandler(SETTINGS, self.pilot, self.changes, peers, self.tuning, external)
+        self.handler = RequestHandler(settings, self.pilot, self.changes, peers, self.tuning, external)
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:

@@ -26,4 +26,4 @@ class Served:
     def end(self) -> None:
         self._ending.set()
         self._thread.join()
-        self._radio.close()
+        self._radio.unplug()

@@ -110,6 +110,7 @@ export class Scene {
     this.dirty = false;
     painter.clear();
     this.drawRoom();
+    this.drawZones();
     const shown = this.fleet.vehicles.filter(({ name }) => this.motion[name]?.place);
     for (const vehicle of shown) this.drawGround(vehicle);
     this.drawLinks(shown);
@@ -145,6 +146,25 @@ export class Scene {
       for (let at = Math.ceil(low[axis]); at <= high[axis]; at += 1) {
         painter.text(axis === 0 ? [at, side, z] : [side, at, z], `${at} m`, colours.quiet, colours.back, { font: '11px system-ui, sans-serif' });
       }
+    }
+  }
+
+  /** Keep-out zones without their margins: floor, walls, top and name. */
+  drawZones() {
+    const { painter, colours } = this;
+    for (const [name, { min_m: low, max_m: high, shape }] of Object.entries(this.fleet.zones ?? {})) {
+      const [corners, reach] = shape === 'cylinder' ? [24, 0.5] : [4, Math.SQRT1_2];
+      const ring = [...Array(corners).keys()].map((i) => (2 * i + 1) * Math.PI / corners).map((angle) => (
+        [Math.cos(angle), Math.sin(angle)].map((share, axis) => (low[axis] + high[axis]) / 2 + share * reach * (high[axis] - low[axis]))));
+      const [bottom, top] = [low[2], high[2]].map((z) => ring.map(([x, y]) => [x, y, z]));
+      const walls = bottom.map((_, i) => [bottom[i], bottom[(i + 1) % corners], top[(i + 1) % corners], top[i]]);
+      painter.context.globalAlpha = 0.12;
+      for (const side of [bottom, ...walls, top]) painter.polygon(side, colours.red);
+      painter.context.globalAlpha = 0.6;
+      const upright = shape === 'cylinder' ? [] : walls;
+      painter.segments([...walls.flatMap(([a, b, c, d]) => [[a, b], [c, d]]), ...upright.map(([a, , , d]) => [a, d])], colours.red, 1);
+      painter.context.globalAlpha = 1;
+      painter.text([...[0, 1].map((axis) => (low[axis] + high[axis]) / 2), high[2]], name, colours.red, colours.back);
     }
   }
 

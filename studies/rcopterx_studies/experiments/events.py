@@ -64,7 +64,7 @@ def apply(
     guidance, time_s = pilot.guidance, pilot.clock.time_s
     match event:
         case GoToEvent():
-            return guidance.go_to(np.array(event.position_m), event.yaw_rad, time_s, limits)
+            return guidance.go_to(guidance.way_to(np.array(event.position_m), event.yaw_rad, time_s, limits))
         case FlyEvent():
             if (problem := guidance.flight_problem()) is not None:
                 return problem

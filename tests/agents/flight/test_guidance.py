@@ -69,7 +69,7 @@ def test_requests_are_refused_with_a_reason_exactly_in_the_wrong_phases(history:
                 assert (refusal is None) == (phase in AIRBORNE)
                 assert refusal is not None or guidance.phase is Phase.LANDING
             case "go_to":
-                refusal = guidance.go_to(np.ones(3), 0.0)
+                refusal = guidance.go_to(guidance.way_to(np.ones(3), 0.0))
                 assert (refusal is None) == (phase is Phase.FLYING)
             case "lead":
                 guidance.lead(ALOFT)
@@ -214,7 +214,7 @@ def held_and_given_back(guidance: Guidance, time_s: float) -> Estimate:
 
 def test_a_set_point_given_while_the_gateway_began_to_hold_is_flown_to_afterwards() -> None:
     guidance = flying()
-    guidance.go_to(np.array([1.0, 1.0, 1.0]), 0.4)
+    guidance.go_to(guidance.way_to(np.array([1.0, 1.0, 1.0]), 0.4))
     here = held_and_given_back(guidance, 5.0)
     assert reference(guidance, estimate=here).position_m[-1] == pytest.approx([1.0, 1.0, 1.0])
     assert guidance.set_point()[1] == pytest.approx(0.4)
@@ -230,7 +230,7 @@ def test_a_trajectory_is_given_up_and_told_when_the_gateway_took_over() -> None:
     assert guidance.set_point()[0] == pytest.approx(here.motion[:3])
     assert guidance.events["trajectory_given_up"] == 1
     assert "trajectory is given up" in guidance.remark
-    guidance.go_to(np.array([1.0, 1.0, 1.0]), 0.0)
+    guidance.go_to(guidance.way_to(np.array([1.0, 1.0, 1.0]), 0.0))
     assert not guidance.remark
 
 
@@ -246,7 +246,7 @@ def test_the_end_of_a_trajectory_that_was_flown_is_kept_like_a_set_point() -> No
 
 def test_a_follower_takes_no_set_point_and_says_whose_to_ask_for() -> None:
     guidance = flying((FollowedLeader("h1", offset(1.0)),))
-    refusal = guidance.go_to(np.zeros(3), 0.0)
+    refusal = guidance.go_to(guidance.way_to(np.zeros(3), 0.0))
     assert refusal is not None
     assert "h1" in refusal
 

@@ -86,7 +86,7 @@ def test_a_suspended_trajectory_waits_and_goes_on_where_it_stopped() -> None:
 
 def test_a_way_to_a_set_point_is_suspended_too() -> None:
     guidance = flying()
-    guidance.go_to(np.array([3.0, 0.1, 1.0]), 0.3, 0.0, LIMITS)
+    guidance.go_to(guidance.way_to(np.array([3.0, 0.1, 1.0]), 0.3, 0.0, LIMITS))
     assert guidance.suspend(ALOFT, 1.0, 1.2) == "suspended"
     x_m = float(guidance.set_point()[0][0])
     assert 0.3 < x_m < 2.9
@@ -97,7 +97,7 @@ def test_a_way_to_a_set_point_is_suspended_too() -> None:
 
 def test_a_vehicle_that_a_set_point_has_moved_at_once_stops_on_its_way() -> None:
     guidance = flying()
-    guidance.go_to(np.array([2.2, 0.1, 1.0]), 0.3)
+    guidance.go_to(guidance.way_to(np.array([2.2, 0.1, 1.0]), 0.3))
     moving = at((0.5, 0.1, 1.0), 0.3)
     moving.motion[4] = 0.8
     assert guidance.suspend(moving, 1.0, 1.2) == "suspended"
@@ -118,7 +118,7 @@ def test_what_rests_or_ends_soon_is_not_suspended() -> None:
 
 def test_another_task_discards_what_is_suspended() -> None:
     for discard in (
-        lambda guidance: guidance.go_to(np.array([0.5, 0.1, 1.0]), 0.0, 9.0, LIMITS),
+        lambda guidance: guidance.go_to(guidance.way_to(np.array([0.5, 0.1, 1.0]), 0.0, 9.0, LIMITS)),
         lambda guidance: guidance.lead(ALOFT),
         lambda guidance: guidance.land(ALOFT, 9.0),
     ):

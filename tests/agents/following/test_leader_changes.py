@@ -153,8 +153,8 @@ def test_several_leaders_are_answered_with_all_of_their_ancestors(bench: Handler
     ("offset_m", "words"),
     [
         ((0.0, 0.0, 0.2), "h9 and h1 would be 0.2 m apart, the minimum distance is 0.3 m"),
-        ((1.3, 0.0, 0.0), "h9 would leave: x: 1.3 m is outside the flight volume -1.2 .. 1.2 m"),
-        ((0.5, 0.0, -1.1), "h9 would leave: z: -0.1 m is outside the flight volume 0 .. 2 m"),
+        ((1.3, 0.0, 0.0), "no place for h9: x: 1.3 m is outside the flight volume -1.2 .. 1.2 m"),
+        ((0.5, 0.0, -1.1), "no place for h9: z: -0.1 m is outside the flight volume 0 .. 2 m"),
         ((0.5, 0.4, 0.0), "h9 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"),
     ],
 )
@@ -176,7 +176,7 @@ def test_an_offset_of_a_vehicle_whose_followers_would_leave_the_volume_is_refuse
     bench.fly()
     say(bench, "h1", hovering((0.0, 0.0, 1.0)))
     say(bench, "h2", hovering((0.5, 0.0, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
-    words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
+    words = "no place for h2: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
     assert follow_at(bench, (0.8, 0.0, 0.0)).refusal == words
     assert follow_at(bench, (0.5, 0.0, 0.0)).refusal is None
 

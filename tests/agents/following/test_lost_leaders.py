@@ -120,7 +120,7 @@ def test_the_first_successor_leads_where_it_is_until_the_leader_returns() -> Non
         FollowingMode.LEAD,
     ]
     assert orphan.followed == []
-    assert orphan.pilot.guidance.go_to(np.array([0.0, 0.5, 1.0]), 0.0) is None
+    assert orphan.pilot.guidance.go_to(orphan.pilot.guidance.way_to(np.array([0.0, 0.5, 1.0]), 0.0)) is None
     orphan.fly(0.1, "h1", "h2")
     assert orphan.followed == ["h1"]
     assert orphan.modes[-1] is FollowingMode.FOLLOW

@@ -97,7 +97,7 @@ def test_a_heading_is_reached_the_nearest_way_and_whole_turns_are_asked_for(
 ) -> None:
     bench.fly()
     guidance = bench.pilot.guidance
-    guidance.go_to(np.array(UP), math.radians(before_deg))
+    guidance.go_to(guidance.way_to(np.array(UP), math.radians(before_deg)))
     wanted = SetPoint(position_m=UP, yaw_rad=math.radians(wanted_deg))
     assert bench.ask(GoTo(set_point=wanted, turns=turns)).refusal is None
     assert math.degrees(guidance.set_point()[1]) == pytest.approx(after_deg)
@@ -146,7 +146,7 @@ def test_links_survive_the_way_through_messages(frame: str) -> None:
 def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(bench: HandlerBench) -> None:
     bench.fly()
     say(bench, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
-    words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
+    words = "no place for h2: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
     assert bench.ask(go_to(0.8, 0.0, 1.0)).refusal == words
     assert bench.pilot.guidance.set_point()[0] == pytest.approx(UP)
     assert bench.ask(go_to(0.5, 0.0, 1.0)).refusal is None
@@ -157,9 +157,9 @@ def test_a_follower_of_several_leaders_is_not_taken_out_of_the_volume(bench: Han
     say(bench, "h1", hovering((0.9, 0.0, 1.0)))
     links = [LeaderLink(leader=name, offset_m=(0.4, 0.0, 0.0)) for name in ("h1", "h9")]
     say(bench, "h2", hovering((0.9, 0.1, 1.0), *links))
-    words = "h2 would leave: x: 1.3 m is outside the flight volume -1.2 .. 1.2 m"
+    words = "no place for h2: x: 1.3 m is outside the flight volume -1.2 .. 1.2 m"
     assert bench.ask(go_to(0.9, 0.5, 1.0)).refusal == words
-    assert str(bench.ask(trajectory_to(0.9)).refusal).startswith("h2 would leave: x: 1.2")
+    assert str(bench.ask(trajectory_to(0.9)).refusal).startswith("no place for h2: x: 1.3 m")
     assert bench.ask(go_to(0.5, 0.5, 1.0)).refusal is None
 
 
@@ -168,7 +168,7 @@ def test_turning_does_not_swing_a_follower_out_of_the_volume(bench: HandlerBench
     abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
     say(bench, "h2", hovering((0.8, 0.6, 1.0), abreast))
     turned = GoTo(set_point=SetPoint(position_m=(0.8, 0.0, 1.0), yaw_rad=-np.pi / 2))
-    words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
+    words = "no place for h2: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
     assert bench.ask(turned).refusal == words
     assert bench.ask(go_to(0.8, 0.0, 1.0)).refusal is None
 
@@ -180,7 +180,7 @@ def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(be
         Fly(knots=FloatArray.of(through([(0.0, *UP, 0.0), (6.0, x, 0.2, 1.0, 0.0)]).knots))
         for x in (0.9, 0.4)
     )
-    words = "h2 would leave: x: 1.2"
+    words = "no place for h2: x: 1.5 m"
     refusal = bench.ask(wide).refusal
     assert refusal is not None
     assert refusal.startswith(words)
@@ -231,10 +231,11 @@ def test_a_trajectory_that_was_checked_is_refused_if_the_vehicle_lands_meanwhile
 
 def test_a_way_to_the_beginning_that_leads_out_is_refused(bench: HandlerBench) -> None:
     bench.fly()
-    say(bench, "h2", hovering((0.1, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.0, 0.9))))
-    bench.pilot.guidance.task.source = SetPointReference(np.array([0.0, 0.0, 1.5]), 0.0)
-    assert bench.ask(trajectory_to(0.4)).refusal == (
-        "on the way to its beginning, h2 would leave: z: 2.4 m is outside the flight volume 0 .. 2 m"
+    abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.9, 0.0), frame="heading")
+    say(bench, "h2", hovering((0.1, 0.2, 1.0), abreast))
+    bench.pilot.guidance.task.source = SetPointReference(np.array([0.8, 0.2, 1.0]), -math.pi)
+    assert bench.ask(trajectory_to(0.2)).refusal == (
+        "on the way to its beginning, no place for h2: x: 1.378 m is outside the flight volume -1.2 .. 1.2 m"
     )
 
 
@@ -300,7 +301,7 @@ def test_a_leader_goes_smoothly_and_turns_slowly_for_those_it_carries_round(
     turned = GoTo(set_point=SetPoint(position_m=(0.3, 0.0, 1.0), yaw_rad=1.5))
     durations_s = []
     for frame in (None, "inertial", "heading"):
-        bench.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)
+        bench.pilot.guidance.go_to(bench.pilot.guidance.way_to(np.array([0.0, 0.0, 1.0]), 0.0))
         if frame is not None:
             abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
             say(bench, "h2", hovering((0.0, 0.6, 1.0), abreast))
@@ -353,7 +354,8 @@ def test_excitations_without_room_or_sense_are_refused(bench: HandlerBench) -> N
     assert "are for flying vehicles" in str(bench.ask(excite).refusal)
     bench.fly()
     wide = Excite(duration_s=60.0, amplitude=GENTLE, reach_m=1.15)
-    assert bench.ask(wide).refusal == "z: -0.15 m is outside the flight volume 0 .. 2 m"
+    words = "no room for 1.15 m around its set point: y: 0.2 m is outside the flight volume -0.05 .. 0.05 m"
+    assert bench.ask(wide).refusal == words
     short = Excite(duration_s=5.0, amplitude=GENTLE)
     assert "duration_s: must be from 20 to 600 s" in str(bench.ask(short).refusal)
     follow_at(bench, (0.5, 0.0, 0.0))

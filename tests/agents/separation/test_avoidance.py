@@ -122,7 +122,7 @@ def pilot_with(controller: str) -> Pilot:
     pilot = Pilot(COAXIAL_LAG, built, estimator, Guidance(), CLEARANCE)
     pilot.observe(StampedMeasurement(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
     pilot.note_applied("armed", 0, COAXIAL_LAG.hover_input)
-    pilot.guidance.go_to(np.array([1.0, 0.0, 1.0]), 0.0)
+    pilot.guidance.go_to(pilot.guidance.way_to(np.array([1.0, 0.0, 1.0]), 0.0))
     return pilot
 
 

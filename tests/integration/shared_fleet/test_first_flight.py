@@ -70,7 +70,7 @@ def test_invalid_leaders_are_refused_with_the_reason_and_no_leader_changes(
         RefusedError, match=r"h2 and h1 would be 0\.1 m apart, the minimum distance is 0\.3 m"
     ):
         fleet["h2"].follow("h1", (0.1, 0.0, 0.0))
-    with pytest.raises(RefusedError, match=r"h2 would leave: x: .* is outside the flight volume"):
+    with pytest.raises(RefusedError, match=r"no place for h2: x: .* is outside the flight volume"):
         fleet["h2"].follow("h1", (5.0, 0.0, 0.0))
     with pytest.raises(RefusedError, match="a cycle: h1 follows h2 follows h1"):
         fleet["h1"].follow("h2", (0.5, 0.0, 0.0))

@@ -1,0 +1,128 @@
+"""Promises of an agent about keep-out zones: what would lead into one is refused with its name."""
+
+import pytest
+from support.request_handling import SETTINGS, UP, HandlerBench, follow_at, go_to, say
+from support.statuses import hovering
+
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import LeaderLink, Zone
+from rcopterx.bus.requests import Excite, Fly, Land, TakeOff
+from rcopterx.control.references.path_shapes import circle, through
+from rcopterx.formation.placement import Room
+from rcopterx.vehicles.phases import Event, Phase
+
+WORDS = "m is not 0.2 m clear of the keep-out zone table"
+
+
+def bench_with(
+    low: tuple[float, float, float], high: tuple[float, float, float], shape: str = "box"
+) -> HandlerBench:
+    zone = Zone(min_m=low, max_m=high, shape=shape)
+    return HandlerBench(Room(SETTINGS.room.min_m, SETTINGS.room.max_m, zones={"table": zone}))
+
+
+@pytest.fixture
+def bench() -> HandlerBench:
+    """A vehicle hovers at (0.1, 0.2, 1.0); a table of 1.1 m is in front of it."""
+    made = bench_with((0.5, -0.2, 0.0), (0.7, 0.6, 1.1))
+    made.fly()
+    return made
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_a_set_point_in_a_zone_or_behind_it_is_refused_and_the_vehicle_stays(shape: str) -> None:
+    bench = bench_with((0.4, 0.0, 0.0), (0.8, 0.4, 1.1), shape)
+    bench.fly()
+    for refused in (go_to(0.6, 0.2, 1.0), go_to(1.15, 0.2, 1.0), go_to(0.6, 0.2, 1.2)):
+        assert WORDS in str(bench.ask(refused).refusal)
+    assert bench.pilot.guidance.set_point()[0] == pytest.approx(UP)
+    assert bench.ask(go_to(0.6, 0.2, 1.4)).refusal is not None, "the straight way cuts the corner"
+    assert bench.ask(go_to(0.1, 0.2, 1.4)).refusal is None
+    assert bench.ask(go_to(-1.0, 0.2, 1.0)).refusal is None
+
+
+def test_a_follower_is_not_taken_through_a_zone_that_its_leader_passes_beside() -> None:
+    bench = bench_with((0.5, 0.7, 0.0), (0.7, 1.1, 1.1))
+    bench.fly()
+    assert bench.ask(go_to(1.1, 0.2, 1.0)).refusal is None
+    bench.pilot.guidance.hold_here(bench.pilot.estimate)
+    say(bench, "h2", hovering((0.1, 1.0, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.8, 0.0))))
+    refusal = str(bench.ask(go_to(1.1, 0.2, 1.0)).refusal)
+    assert refusal.startswith("no place for h2: (0.3")
+    assert refusal.endswith(WORDS)
+
+
+def test_trajectories_through_a_zone_and_ways_to_their_beginning_are_refused(bench: HandlerBench) -> None:
+    round_it = Fly(knots=FloatArray.of(circle((0.0, 0.2, 1.0), 0.5, 10.0).knots))
+    refusal = str(bench.ask(round_it).refusal)
+    assert refusal.startswith("(0.")
+    assert WORDS in refusal
+    behind = Fly(knots=FloatArray.of(through([(0.0, 1.1, 0.2, 1.0, 0.0), (5.0, 1.1, -0.5, 1.0, 0.0)]).knots))
+    assert str(bench.ask(behind).refusal).startswith("on the way to its beginning, (0.3")
+    clear = Fly(knots=FloatArray.of(circle((-0.5, 0.2, 1.0), 0.4, 12.0).knots))
+    assert bench.ask(clear).refusal is None
+
+
+def test_a_vehicle_that_was_blown_into_a_zone_may_leave_it(bench: HandlerBench) -> None:
+    bench.see((0.35, 0.2, 1.0))
+    bench.pilot.guidance.hold_here(bench.pilot.estimate)
+    assert WORDS in str(bench.ask(go_to(0.4, 0.2, 1.0)).refusal)
+    assert bench.ask(go_to(0.0, 0.2, 1.0)).refusal is None
+
+
+@pytest.mark.parametrize(
+    ("leader_m", "offset_m", "refused"),
+    [
+        ((-0.4, 0.2, 1.0), (1.0, 0.0, 0.0), True),
+        ((1.1, -1.1, 1.0), (0.0, 1.3, 0.0), True),
+        ((-0.4, 0.2, 1.0), (0.5, 0.5, 0.0), False),
+    ],
+)
+def test_places_beside_leaders_in_a_zone_or_behind_one_are_refused(
+    bench: HandlerBench,
+    leader_m: tuple[float, float, float],
+    offset_m: tuple[float, float, float],
+    refused: bool,
+) -> None:
+    say(bench, "h1", hovering(leader_m))
+    refusal = follow_at(bench, offset_m).refusal
+    assert (WORDS in str(refusal)) is refused
+    assert (refusal is None) is not refused
+
+
+def test_a_vehicle_above_a_zone_lands_only_elsewhere_and_an_emergency_anywhere() -> None:
+    bench = bench_with((-0.1, 0.0, 0.0), (0.3, 0.4, 0.5))
+    bench.fly()
+    refusal = bench.ask(Land()).refusal
+    assert refusal == f"on its way down (0.10, 0.20, 0.69) {WORDS}"
+    assert bench.pilot.guidance.phase is Phase.FLYING
+    bench.pilot.guidance.on_event(Event.OVERRIDE, bench.pilot.estimate, 0.0)
+    assert bench.pilot.guidance.phase is Phase.EMERGENCY
+    assert bench.ask(Land()).refusal is None
+
+
+@pytest.mark.parametrize(
+    ("low_m", "high_m", "refused"),
+    [
+        ((-0.2, 0.0, 0.0), (0.0, 0.4, 0.1), True),
+        ((0.0, 0.0, 0.8), (0.3, 0.4, 1.0), True),
+        ((-0.5, 0.0, 0.0), (-0.2, 0.4, 1.0), False),
+    ],
+)
+def test_nothing_takes_off_in_a_zone_or_into_one(
+    low_m: tuple[float, float, float], high_m: tuple[float, float, float], refused: bool
+) -> None:
+    bench = bench_with(low_m, high_m)
+    bench.arm()
+    refusal = bench.ask(TakeOff(height_m=1.0)).refusal
+    assert (refusal is not None) is refused
+    if refused:
+        assert str(refusal).startswith("on its way up (0.10, 0.20, ")
+
+
+def test_an_excitation_needs_room_beside_zones(bench: HandlerBench) -> None:
+    bench.pilot.guidance.hold_here(bench.pilot.estimate)
+    excite = Excite(duration_s=60.0, amplitude=(0.1, 0.1, 0.02, 0.03), reach_m=0.3)
+    assert "no room for 0.3 m around its set point: (0.10, 0.20, 1.00) m is not 0.5 m clear" in str(
+        bench.ask(excite).refusal
+    )

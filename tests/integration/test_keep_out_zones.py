@@ -1,0 +1,43 @@
+"""The example of keep-out zones: what leads into one is refused, and nobody is ever in one."""
+
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from runpy import run_path
+
+import numpy as np
+import pytest
+from integration_support import Flying, Truth, on_floor
+from msgspec.structs import replace
+from support.bus import free_port
+
+from rcopterx.bus import channels
+from rcopterx.formation.zones import entered
+
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "keep_out_zones" / "keep_out_zones.py"
+
+
+def test_vehicles_fly_round_zones_and_are_refused_what_leads_into_them(launch: Callable[..., Flying]) -> None:
+    example = run_path(str(EXAMPLE))
+    text = example["FLEET"].read_text().replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}")
+    flying = launch(f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
+    inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=20_000)
+    through, behind, formed, landing = example["fly"](flying.fleet)
+    for refusal, begin, zone in (
+        (through, "h1: (0.2", "pillar"),
+        (behind, "h1: no place for h2: ", "pillar"),
+        (formed, "no place for h2: ", "pillar"),
+        (landing, "h2: on its way down ", "table"),
+    ):
+        assert refusal.startswith(begin)
+        assert refusal.endswith(f"m is not 0.2 m clear of the keep-out zone {zone}")
+    tracks = [received.message.vehicles for received in inbox.drain()]
+    assert len(tracks) > 500
+    for name in ("h1", "h2"):
+        way = np.array([at[name].position_m for at in tracks])
+        for zone in flying.fleet.file.zones.values():
+            assert entered(replace(zone, margin_m=0.0), way) is None, name
+    truth = Truth(flying)
+    flying.fleet.wait_until(lambda: on_floor(truth, "h1") and on_floor(truth, "h2"), 5, "not down")
