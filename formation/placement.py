@@ -142,14 +142,9 @@ def move_problem(
     """
     where = places({**links, name: ()}, {**heads, name: way})
     problem = room.outside(way) or _leaving(followers(links, name), where, room, {})
-    if problem is not None:
-        return problem
-    for moved in (name, *followers(links, name)):
-        for other, place in unrelated.items():
-            problem = room.too_close(moved, where[moved], other, place) if moved in where else None
-            if problem is not None:
-                return problem
-    return None
+    along = [moved for moved in (name, *followers(links, name)) if moved in where]
+    close = (room.too_close(moved, where[moved], *other) for moved in along for other in unrelated.items())
+    return problem or next(filter(None, close), None)
 
 
 def _leaving(names: Iterable[str], where: Places, room: Room, before: Places) -> str | None:

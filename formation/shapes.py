@@ -58,11 +58,7 @@ def assigned(present_m: Array, places_m: Array) -> list[int]:
 
 
 def formation_links(
-    shape: str,
-    leader: str,
-    followers: Sequence[str],
-    spacing_m: float,
-    present_m: Array | None = None,
+    shape: str, leader: str, followers: Sequence[str], spacing_m: float, present_m: Array | None = None
 ) -> dict[str, LeaderLink]:
     """Return links of a formation of `SHAPES`, `spacing_m` apart; offsets turn with the leader.
 

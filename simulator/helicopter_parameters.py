@@ -160,10 +160,7 @@ class HelicopterParameters:
             vehicle,
             inertia_kg_m2=(slower * roll, slower * pitch, yaw),
             added_damping=within(0.3, 0.5),
-            servo_axes_rad=(
-                turned_rad + within(-40, -15) * DEGREE,
-                turned_rad + within(-40, -15) * DEGREE,
-            ),
+            servo_axes_rad=(turned_rad + within(-40, -15) * DEGREE, turned_rad + within(-40, -15) * DEGREE),
             flapping_rad_s_m=within(6.2, 10.4),
             flapping_phase_rad=within(-52, -32) * DEGREE,
             delay_s=within(0.01, 0.06),
