@@ -31,10 +31,7 @@ class Room:
         return replace(self, min_m=three(low_m), max_m=three(high_m), zones=zones)
 
     def barred(self, way: Array) -> str | None:
-        """Name the keep-out zone that a place, x y z first, or a way through several enters; None if none.
-
-        A way may begin in a zone, but has to leave it, for good.
-        """
+        """Name the keep-out zone that a place, x y z first, or a way enters, as `entered`; None if none."""
         for name, zone in self.zones.items():
             at_m = entered(zone, np.atleast_2d(way)[:, :3])
             if at_m is not None:
