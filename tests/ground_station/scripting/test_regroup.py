@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import pytest
@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 from support.statuses import hovering
 
-from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint, Zone
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, Suspend, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
+from rcopterx.formation.placement import Room
 from rcopterx.formation.topology import cycle
 from rcopterx.ground_station.scripting.regroup import (
     formation_leader,
@@ -24,6 +25,7 @@ from rcopterx.ground_station.scripting.regroup import (
 )
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
+ROOM = Room((-2.0, -2.0, 0.0), (2.0, 2.0, 2.0))
 FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
 
@@ -240,24 +242,36 @@ def test_vehicles_get_the_places_of_a_formation_in_order_or_by_the_shortest_ways
         "h3": hovering((0.0, 1.0, 1.0)),
     }
     landed = hovering((2.0, 2.0, 0.0), phase="disarmed")
-    in_order = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, assign=False)
+    in_order = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, ROOM, assign=False)
     assert {name: link.offset_m[1] for name, link in in_order.items()} == {"h2": 1.0, "h3": -1.0}
-    nearest = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, assign=True)
+    nearest = shaped({**fleet, "h4": landed}, "line", "h1", 1.0, ROOM, assign=True)
     assert {name: link.offset_m[1] for name, link in nearest.items()} == {"h2": -1.0, "h3": 1.0}
 
 
 def test_places_of_a_formation_are_those_beside_the_heading_of_the_leader() -> None:
     turned = hovering((0.0, 0.0, 1.0), set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=math.pi))
     fleet = {"h1": turned, "h2": hovering((0.0, -1.0, 1.0)), "h3": hovering((0.0, 1.0, 1.0))}
-    links = shaped(fleet, "line", "h1", 1.0, assign=True)
+    links = shaped(fleet, "line", "h1", 1.0, ROOM, assign=True)
     assert {name: link.offset_m[1] for name, link in links.items()} == {"h2": 1.0, "h3": -1.0}
+
+
+def test_a_formation_with_a_place_outside_or_in_a_zone_is_refused() -> None:
+    fleet = {"h1": hovering((1.5, 0.0, 1.0)), "h2": hovering((0.0, -1.0, 1.0))}
+    zone = Zone(min_m=(1.4, 0.6, 0.0), max_m=(1.6, 0.8, 2.0))
+    with pytest.raises(
+        RefusedError, match=r"no place for h2: .* m is not 0.2 m clear of the keep-out zone lamp"
+    ):
+        shaped(fleet, "line", "h1", 0.6, replace(ROOM, zones={"lamp": zone}), assign=False)
+    with pytest.raises(RefusedError, match=r"no place for h2: y: 2\.1 m is outside the flight volume"):
+        shaped(fleet, "line", "h1", 2.1, ROOM, assign=False)
+    assert shaped(fleet, "line", "h1", 0.6, ROOM, assign=False)
 
 
 def test_a_formation_behind_a_vehicle_that_follows_or_stands_is_refused() -> None:
     with pytest.raises(RefusedError, match="h2 follows h1; let it lead first"):
-        shaped(STATUSES, "line", "h2", 1.0, assign=False)
+        shaped(STATUSES, "line", "h2", 1.0, ROOM, assign=False)
     with pytest.raises(RefusedError, match="h1 does not fly"):
-        shaped({"h1": hovering((0.0, 0.0, 0.0), phase="armed")}, "line", "h1", 1.0, assign=False)
+        shaped({"h1": hovering((0.0, 0.0, 0.0), phase="armed")}, "line", "h1", 1.0, ROOM, assign=False)
 
 
 def test_a_leader_that_is_silent_or_refuses_keeps_no_other_from_being_suspended() -> None:
