@@ -25,8 +25,8 @@ from rcopterx.ground_station.scripting.regroup import (
 )
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-FormationGraph = dict[str, tuple[LeaderLink, ...]]
 ROOM = Room((-2.0, -2.0, 0.0), (2.0, 2.0, 2.0))
+FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
 
 def link(leader: str, x: float) -> LeaderLink:
@@ -255,11 +255,16 @@ def test_places_of_a_formation_are_those_beside_the_heading_of_the_leader() -> N
     assert {name: link.offset_m[1] for name, link in links.items()} == {"h2": 1.0, "h3": -1.0}
 
 
-def test_a_formation_with_a_place_in_a_keep_out_zone_is_refused_by_its_name() -> None:
-    room = replace(ROOM, zones={"table": Zone(min_m=(-0.3, 0.8, 0.0), max_m=(0.3, 1.4, 1.2))})
-    fleet = {name: hovering((0.0, y_m, 1.0)) for name, y_m in (("h1", 0.0), ("h2", -1.0), ("h3", -2.0))}
-    with pytest.raises(RefusedError, match="table"):
-        shaped(fleet, "line", "h1", 1.0, room, assign=False)
+def test_a_formation_with_a_place_outside_or_in_a_zone_is_refused() -> None:
+    fleet = {"h1": hovering((1.5, 0.0, 1.0)), "h2": hovering((0.0, -1.0, 1.0))}
+    zone = Zone(min_m=(1.4, 0.6, 0.0), max_m=(1.6, 0.8, 2.0))
+    with pytest.raises(
+        RefusedError, match=r"no place for h2: .* m is not 0.2 m clear of the keep-out zone lamp"
+    ):
+        shaped(fleet, "line", "h1", 0.6, replace(ROOM, zones={"lamp": zone}), assign=False)
+    with pytest.raises(RefusedError, match=r"no place for h2: y: 2\.1 m is outside the flight volume"):
+        shaped(fleet, "line", "h1", 2.1, ROOM, assign=False)
+    assert shaped(fleet, "line", "h1", 0.6, ROOM, assign=False)
 
 
 def test_a_formation_behind_a_vehicle_that_follows_or_stands_is_refused() -> None:
