@@ -105,6 +105,8 @@ class Rotation:
         """Fill a place if it is time to; return whether one was."""
         states = {vehicle.name: vehicle.state for vehicle in self.fleet}
         now_s = self.fleet.session.clock()
+        for stray in [name for name, state in states.items() if state.airborne and name not in self.in_place]:
+            self._home(stray)
         self.in_place = [name if name and states[name].airborne else None for name in self.in_place]
         left_s = {place: _left_s(states, name) for place, name in enumerate(self.in_place)}
         charged = [
@@ -169,7 +171,10 @@ class Rotation:
 
     def _home(self, name):
         if name and self.fleet.state_of(name).airborne:
-            self.fleet.home([name])
+            try:
+                self.fleet.home([name])
+            except PROBLEMS as error:  # Beside its place it waits for the next try.
+                self.say(f"{name} does not come home: {error}")
 
 
 def _left_s(states, name):

@@ -1,7 +1,9 @@
 """Promises of the rotation of batteries: whom to replace and when, and ways that keep clear of the places."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.example_programs import EXAMPLES, rotation
 
+from rcopterx import RefusedError
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.formation.homing import ABOVE_M
 
@@ -105,3 +108,97 @@ def test_the_charging_places_of_the_fleets_are_apart_and_outside_of_the_ring(nam
             abs(value) < high - 0.1
             for value, high in zip(ring.beside_m(place, 1)[:2], fleet.volume.max_m[:2], strict=True)
         )
+
+
+class FakeFleet:
+    """Vehicles that do at once what is requested; `asked` is what that was."""
+
+    def __init__(self, left_s: Mapping[str, float | None]) -> None:
+        self.asked: list[str] = []
+        self.refuses: set[str] = set()
+        self.promotes = True
+        self.now_s = 0.0
+        self.file = SimpleNamespace(vehicles=dict.fromkeys(left_s))
+        self.session = SimpleNamespace(clock=lambda: self.now_s)
+        self._states = {name: self._state(name, value) for name, value in left_s.items()}
+
+    @staticmethod
+    def _state(name: str, left_s: float | None) -> SimpleNamespace:
+        """A vehicle in flight for another while, or a charged one on the floor."""
+        known = None if left_s is None else (left_s, left_s)
+        battery = SimpleNamespace(charged=known is None, low=False, left_s=known)
+        assigned, place_m = () if name == "h1" else ("h1",), (2.0, 0.0, 0.0)
+        return SimpleNamespace(
+            name=name, airborne=known is not None, battery=battery, battery_text="", position_m=place_m,
+            assigned=assigned,
+        )  # fmt: skip
+
+    def __iter__(self) -> Iterator[SimpleNamespace]:
+        return iter([SimpleNamespace(name=name, state=state) for name, state in self._states.items()])
+
+    def __getitem__(self, name: str) -> Any:
+        def asked(verb: str) -> Any:
+            return lambda *_, **__: self.asked.append(f"{verb} {name}")
+
+        return SimpleNamespace(**{verb: asked(verb) for verb in ("fly", "lead", "go_to", "follow")})
+
+    def state_of(self, name: str) -> SimpleNamespace:
+        return self._states[name]
+
+    def take_off(self, names: list[str], _height_m: float) -> None:
+        if self.refuses & set(names):
+            raise RefusedError("weak rotor")
+        self.asked.append(f"take_off {names[0]}")
+
+    def promote(self, name: str) -> None:
+        if not self.promotes:
+            raise RefusedError("h1 does not fly")
+        self.asked.append(f"promote {name}")
+
+    def home(self, names: list[str]) -> None:
+        self.asked.append(f"home {names[0]}")
+        self._states[names[0]].airborne = False
+
+    def wait_for_formation(self, _names: list[str]) -> None:
+        pass
+
+
+def rotating(left_s: Mapping[str, float | None]) -> tuple[Any, FakeFleet]:
+    fleet = FakeFleet(left_s)
+    return rotation.Rotation(fleet, 3, say=lambda _: None), fleet
+
+
+def test_a_leader_hands_over_to_the_vehicle_with_the_most_time_before_it_is_replaced() -> None:
+    turning, fleet = rotating({"h1": 60.0, "h2": 200.0, "h3": 250.0, "h4": None})
+    assert turning.step()
+    assert fleet.asked == [
+        "promote h3", "take_off h4", "fly h4", "lead h1", "go_to h1", "follow h4", "home h1"
+    ]  # fmt: skip
+    assert turning.in_place == ["h4", "h2", "h3"]
+
+
+def test_a_spare_that_does_not_take_off_is_left_out_for_a_while_and_another_one_tried() -> None:
+    turning, fleet = rotating({"h1": 250.0, "h2": 60.0, "h3": 200.0, "h4": None, "h5": None})
+    fleet.refuses = {"h4"}
+    assert not turning.step()
+    assert turning.in_place == ["h1", "h2", "h3"]
+    assert turning.step()
+    assert turning.in_place == ["h1", "h5", "h3"]
+
+
+def test_without_a_charged_vehicle_an_almost_empty_one_goes_home_and_its_place_is_filled_later() -> None:
+    turning, fleet = rotating({"h1": 250.0, "h2": rotation.RESERVE_S - 1.0, "h3": 200.0, "h4": 0.0})
+    assert not turning.step()
+    assert fleet.asked == ["home h4", "home h2"], "also the one that still flies beside the places"
+    assert turning.in_place == ["h1", None, "h3"]
+    fleet.state_of("h4").battery.charged = True
+    assert turning.step()
+    assert turning.in_place == ["h1", "h4", "h3"]
+
+
+def test_the_place_of_a_leader_that_has_landed_by_itself_is_filled_and_another_one_leads() -> None:
+    turning, fleet = rotating({"h1": 250.0, "h2": 300.0, "h3": 200.0, "h4": None})
+    fleet.state_of("h1").airborne = fleet.promotes = False
+    assert turning.step()
+    assert turning.in_place == ["h4", "h2", "h3"]
+    assert fleet.asked[:2] == ["lead h2", "follow h3"]
