@@ -70,8 +70,8 @@ def test_the_voltages_of_a_type_of_robots_limit_its_flights(source: Path) -> Non
     path = source.with_name("lab.toml")
     assert imported(source, path).exit_code == 0
     fleet = load_fleet(path)
-    assert battery_of(fleet, "c23") == BatteryLimits(3.8, 3.7, 4.2)
-    assert battery_of(fleet, "cf24_b") == BatteryLimits(3.2, 3.0, 4.2), "those of the type crazyflie"
+    assert battery_of(fleet, "c23") == BatteryLimits(3.8, 3.7, 4.2, 420.0)
+    assert battery_of(fleet, "cf24_b") == BatteryLimits(3.2, 3.0, 4.2, 420.0), "those of the type crazyflie"
 
 
 def test_the_formation_keeps_the_distances_of_the_initial_positions(source: Path) -> None:

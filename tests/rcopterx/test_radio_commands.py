@@ -91,7 +91,7 @@ class Laboratory:
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
-        self.radio.close()
+        self.radio.unplug()
 
     def command(self, *words: str) -> list[str]:
         return [sys.executable, "-m", "rcopterx", *words, "--fleet", str(self.path)]

@@ -17,7 +17,7 @@ def restart(tmp_path: Path) -> Iterator[Restart]:
     bench = Restart(tmp_path / "h1")
     yield bench
     bench.transmitter.port.close()
-    bench.radio.close()
+    bench.radio.unplug()
 
 
 @pytest.fixture

@@ -162,7 +162,7 @@ class Laboratory(Wakeup):
     def close(self) -> None:
         self.radios_of_gateway.close()
         for radio in self.radios.values():
-            radio.close()
+            radio.unplug()
         super().close()
 
     def transmitter(self, name: str) -> Transmitter:

@@ -153,7 +153,7 @@ def slow(tmp_path: Path) -> Iterator[Restart]:
     bench = Restart(tmp_path / "h1", connect_s=2.0)
     yield bench
     bench.transmitter.port.close()
-    bench.radio.close()
+    bench.radio.unplug()
 
 
 def test_fallen_vehicle_gets_no_thrust_when_its_module_has_lost_power_and_is_received_again(
@@ -237,4 +237,4 @@ def test_vehicle_is_flown_on_after_short_silences_and_gets_no_thrust_after_a_lon
         bench.run(1.0)
         assert bench.state in (State.ARMED, State.DISARMED)
         bench.transmitter.port.close()
-        bench.radio.close()
+        bench.radio.unplug()

@@ -46,4 +46,4 @@ def test_the_workbench_does_not_wait_for_a_receiver(tmp_path: Path, arming: Armi
         assert isinstance(port, SerialPort)
         assert "ready" in bench.wait_ready(limit_s=2.0)
         assert now_s < 2.0
-    radio.close()
+    radio.unplug()

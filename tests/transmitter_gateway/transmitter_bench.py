@@ -52,7 +52,7 @@ class Bench:
 
     def close(self) -> None:
         self.transmitter.port.close()
-        self.radio.close()
+        self.radio.unplug()
 
     @property
     def state(self) -> State:
