@@ -88,7 +88,7 @@ class Pilot:
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
         self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._lift_off = LiftOff(model)
-        self._signs, self._climb_from_s = SignProof(model), 0.0
+        self._signs = SignProof(model)
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
         self._planned: Array = np.zeros((0, INPUT_SIZE))  # inputs planned after the newest command
@@ -322,7 +322,9 @@ class Pilot:
                 self._signs.begin(time_s + SETTLING_S)
             elif fault is None:
                 self.vehicle_watch.fault = fault = self._signs.judge(time_s)
-                self._await_signs()
+                if self._signs.repeats(time_s) and self.guidance.phase is Phase.TAKEOFF:
+                    place_m, floor_m = self.estimate.motion, self.guidance.task.floor_m
+                    self._climb_from(max(float(place_m[Z]) - 2.0 * PROOF_M, floor_m + PROOF_M), time_s)
         if fault is not None:
             self.events[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
@@ -355,21 +357,20 @@ class Pilot:
         lifted, carrying_thrust = self._lift_off.handed_over(self.estimate.motion, time_s)
         self.estimator.take_over(lifted)
         self._signs = SignProof(self.model, measured_tilt=self.measured_tilt)
+        height_m = float(self.estimate.motion[Z])
+        self._climb_from(height_m + PROOF_M, time_s)
         # What carries it is less than the thrust by now.
         carrying = self.input_history.newest.copy()
         carrying[U_THRUST] = carrying_thrust
         self._lift_off.end()
-        height_m = float(self.estimate.motion[Z])
         self._signs.begin(time_s, floor_m=self._lift_off.floor_m, height_m=height_m)
-        self._await_signs()
         self._start_controller(self.estimation.compensated(self.model), carrying)
 
-    def _await_signs(self) -> None:
-        """Put the climb off until the newest round of pulses should have proved pitch and roll."""
-        if self._signs.climb_from_s != self._climb_from_s and self.guidance.phase is Phase.TAKEOFF:
-            self._climb_from_s, low = self._signs.climb_from_s, self.estimate.motion.copy()
-            low[Z] = max(low[Z], self.guidance.task.floor_m + PROOF_M)
-            self.guidance.lifted(self.estimate._replace(motion=low), self._climb_from_s)
+    def _climb_from(self, height_m: float, time_s: float) -> None:
+        """Hold a height until the sticks should have been proved, or nearly so, and climb then."""
+        held = self.estimate.motion.copy()
+        held[Z] = height_m
+        self.guidance.lifted(self.estimate._replace(motion=held), time_s + self._signs.climb_after_s)
 
     def _start_controller(self, estimate: Estimate, last_input: Array) -> None:
         self.step_guard.reset(estimate, last_input)

@@ -40,10 +40,7 @@ class Room:
         return None
 
     def outside(self, way: Array) -> str | None:
-        """Describe how a place, x y z first, or a way through several leaves the room; None if it does not.
-
-        A way may begin outside, but has to come in, for good.
-        """
+        """Describe how a place, x y z first, or a way leaves the room, or stays outside; None if neither."""
         places_m = np.atleast_2d(way)[:, :3]
         beyond_m = np.maximum(np.array(self.min_m) - places_m, places_m - np.array(self.max_m))
         out = beyond_m.max(axis=1) > TOLERANCE_M

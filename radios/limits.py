@@ -18,8 +18,7 @@ SLOWER = 1.6
 LONGEST_DESCENT_S = 5.5
 GENTLE_SHARE = 0.05
 GENTLE_M_S = 0.8
-"""A descent without poses leaves out no more than this share of the hover thrust, once the vehicle sinks this
-fast."""
+"""Once it sinks this fast, a descent without poses leaves out no more than this share of the hover thrust."""
 
 
 class LimitsError(ValueError):

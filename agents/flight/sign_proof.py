@@ -87,17 +87,21 @@ class SignProof:
             own_s = 2.0 * model.tilt.damping_ratio / model.tilt.frequency_rad_s
             answer_s = max(answer_s, model.tilt.servo_lag_s + own_s)
         self.round_s = PULSE_S * len(PULSES) + answer_s  # pulses and the answer to the last one
-        self.climb_from_s = 0.0  # when the vehicle climbs: later while pitch and roll are not proved
+        self.climb_after_s = self.round_s - ANSWER_S  # so long after the lift-off the climb begins
         tilting = PULSE_M_S2 * answer_s / ANSWER_S
         wanted = np.array((tilting, tilting, PULSE_RAD_S / turning_s))
         self._sizes = np.minimum(wanted / model.b[STICKS], LARGEST_PULSE * model.stick_room[STICKS])
         self._open: set[int] = set()  # sticks that are not proved
-        self._rounds, self._clear_m = 0, -math.inf
+        self._rounds, self._clear_m, self._suspect = 0, -math.inf, False
 
     @property
     def under_way(self) -> bool:
         """Whether a stick has still to be proved."""
         return bool(self._open)
+
+    def repeats(self, time_s: float) -> bool:
+        """Whether a further round begins now, because pitch and roll look wrong without certainty."""
+        return self._suspect and self._begun_s == time_s
 
     def begin(self, time_s: float, *, floor_m: float = -math.inf, height_m: float = math.inf) -> None:
         """Begin, now or later, as soon as the vehicle, now at `height_m`, is clear of the floor."""
@@ -114,8 +118,6 @@ class SignProof:
         spinning = still._replace(motion=np.eye(MOTION_SIZE)[YAW_RATE])
         self._begun_s = self._until_s = time_s
         self._rounds += 1
-        if U_PITCH in self._open:
-            self.climb_from_s = time_s + self.round_s
         self._yaw_rad: float | None = None  # newest measured one, with all turns
         # Responses of x to pitch and roll, of y to pitch and roll, to the trims of pitch and roll.
         self._lateral = [still] * 6
@@ -209,7 +211,6 @@ class SignProof:
         place = _reading(self._place_seen, far) if far or not self._tilted else None
         if 0 in (tilt, place):
             self._open -= {U_PITCH, U_ROLL}
-            self.climb_from_s = self._begun_s + max(elapsed_s, self.round_s - ANSWER_S)
             return None
         if place is None or (self._tilted and tilt != place):
             return None
@@ -220,6 +221,7 @@ class SignProof:
         found = (self._tilt_seen if self._tilted else self._place_seen).fitted()
         if U_PITCH in self._open and found is not None:
             effects, deviation = found[0][:4].reshape(2, 2), float(found[1][:4].max())
+            self._suspect = int(np.argmax([(reading * effects).sum() for reading, _ in READINGS])) > 0
             for stick, name in ((U_PITCH, "pitch"), (U_ROLL, "roll")):
                 if math.hypot(*effects[:, stick]) < LEAST_EFFECT - CERTAIN * deviation:
                     return VehicleFault("axis_dead", f"{name} has no effect", (U_PITCH, U_ROLL))

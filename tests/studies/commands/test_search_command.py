@@ -1,5 +1,7 @@
 """The command `search`: flights of files are flown again, and what cannot be flown is refused in a line."""
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,13 @@ from rcopterx.command_line import app
 from rcopterx_studies.search.flights import Flight, Happening
 
 TAKE_OFF = Happening(0.0, "up", fields={"names": ["v1"], "height_m": 0.6})
+
+
+@pytest.fixture(autouse=True)
+def logging_again() -> Iterator[None]:
+    """Let other tests log again, which the command prevents in its process."""
+    yield
+    logging.disable(logging.NOTSET)
 
 
 def run(*words: str) -> Result:
