@@ -3,6 +3,7 @@
 import signal
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -17,6 +18,7 @@ from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.flights import flights_in
 from rcopterx.flights.mcap_reading import messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage
 from rcopterx.flights.recorder import (
     NANO,
@@ -80,7 +82,9 @@ def test_a_killed_recorder_leaves_everything_that_is_older_than_its_last_chunk(
             channels.key("all", "fleet", "kill"),
             msgspec.msgpack.encode(Kill(source="x", reason="y")),
         )
-        return [m for m in recorded(tmp_path) if m.topic == topic]
+        with suppress(FlightLogError):  # a file that is being created is empty
+            return [m for m in recorded(tmp_path) if m.topic == topic]
+        return []
 
     try:
         wait_for(lambda: len(on_disk("h1/pose")) >= 3 and on_disk("fleet/kill"), "nothing is recorded")
