@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
-from rcopterx.bus.messages import SchemeMessage
+from rcopterx.bus.external_messages import SchemeMessage
 from rcopterx.bus.subscription import Inbox
 from rcopterx.vehicles.state import three
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from rcopterx.bus import host_messages, log_messages, messages
-from rcopterx.bus.external_messages import ControlTask, ExternalInput
+from rcopterx.bus.external_messages import ControlTask, ExternalInput, SchemeMessage
 from rcopterx.bus.host_messages import Beat, RouterStatus
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import EVERY_FLEET as EVERY_FLEET
@@ -15,7 +15,6 @@ from rcopterx.bus.keys import TRACKER_UNIT as TRACKER_UNIT
 from rcopterx.bus.keys import key as key
 from rcopterx.bus.keys import request_key as request_key
 from rcopterx.bus.message import SCHEMA_VERSION, Message
-from rcopterx.bus.messages import SchemeMessage
 from rcopterx.bus.requests import EXTERNAL
 
 M = TypeVar("M", bound=Message)

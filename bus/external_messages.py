@@ -1,6 +1,10 @@
-"""Messages between an agent and a program outside of it that flies the vehicle."""
+"""Messages of control that others write: programs outside an agent, and schemes of several vehicles."""
 
-from rcopterx.bus.message import Count, Eight, FloatArray, Four, Message, Name, Period
+from typing import Annotated, Final
+
+from msgspec import Meta
+
+from rcopterx.bus.message import Count, Eight, FloatArray, Four, Message, Name, Period, Place
 from rcopterx.bus.messages import MAX_STAGES
 from rcopterx.bus.trajectory_array import PLAN_COLUMNS
 
@@ -50,3 +54,21 @@ class ExternalInput(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """See `Message.check`."""
         self.inputs.check("inputs", 4, MAX_STAGES, 1)
+
+
+MAX_PAYLOAD_BYTES: Final = 4096
+
+
+class SchemeMessage(Message, frozen=True, kw_only=True):
+    """Message of a vehicle's scheme to those of all others."""
+
+    epoch: Count
+    frame: Count
+    """Epoch and frame of the control period in which it was sent."""
+    source: Name
+    scheme: Annotated[str, Meta(max_length=60)]
+    """Type of the payload; vehicles with another scheme ignore it."""
+    offsets_m: Annotated[dict[Name, Place], Meta(max_length=16)]
+    """Where the source should be relative to each of its leaders, inertial frame."""
+    payload: Annotated[bytes, Meta(max_length=MAX_PAYLOAD_BYTES)]
+    """MessagePack map of the fields that the scheme defines."""

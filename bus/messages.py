@@ -4,7 +4,7 @@ Every message carries `schema_version`. Fields are only ever appended, with defa
 different versions understand each other. `check` holds what types cannot express.
 """
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
@@ -383,21 +383,3 @@ class Kill(Message, frozen=True, kw_only=True):
     reason: Text
     vehicles: tuple[Name, ...] = ()
     """Empty for every vehicle."""
-
-
-MAX_PAYLOAD_BYTES: Final = 4096
-
-
-class SchemeMessage(Message, frozen=True, kw_only=True):
-    """Message of a vehicle's scheme to those of all others."""
-
-    epoch: Count
-    frame: Count
-    """Epoch and frame of the control period in which it was sent."""
-    source: Name
-    scheme: Annotated[str, Meta(max_length=60)]
-    """Type of the payload; vehicles with another scheme ignore it."""
-    offsets_m: Annotated[dict[Name, Place], Meta(max_length=16)]
-    """Where the source should be relative to each of its leaders, inertial frame."""
-    payload: Annotated[bytes, Meta(max_length=MAX_PAYLOAD_BYTES)]
-    """MessagePack map of the fields that the scheme defines."""

@@ -9,8 +9,8 @@ from typing import Final
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
 from rcopterx.bus.messages import Zone
 from rcopterx.bus.processes import RESERVED_PROCESSES
-from rcopterx.fleet.schema import FleetError, FleetFile, VolumeConfig, check_known, is_loopback
-from rcopterx.user_text import ip_version
+from rcopterx.fleet.schema import FleetError, FleetFile, VolumeConfig, check_known
+from rcopterx.user_text import ip_version, is_loopback
 
 LARGEST_M: Final = 100.0  # of the coordinates of a flight volume and of zones, which are indoors
 

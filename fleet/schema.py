@@ -3,7 +3,6 @@
 The docstrings of fields are the user documentation in `docs/fleet_file.md`.
 """
 
-import ipaddress
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
@@ -13,7 +12,7 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink, Zone
-from rcopterx.user_text import similar
+from rcopterx.user_text import is_loopback, similar
 
 Text = Annotated[str, Meta(min_length=1)]
 Speed = Annotated[float, Meta(ge=0.01, le=10)]
@@ -97,14 +96,6 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Values that differ from the preset."""
     start: dict[Name, Four] = {}
     """Initial x, y, z [m] and yaw [rad] by vehicle; by default the place in the formation, on the floor."""
-
-
-def is_loopback(address: str) -> bool:
-    """Whether only this computer can reach an address."""
-    try:
-        return ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        return address == "localhost"
 
 
 class HostConfig(Table, frozen=True, kw_only=True):

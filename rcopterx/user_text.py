@@ -102,6 +102,14 @@ def ip_version(host: str) -> int | None:
         return None
 
 
+def is_loopback(address: str) -> bool:
+    """Whether only this computer can reach an address."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
 def host_and_port(text: str) -> tuple[str, int]:
     """Return the parts of HOST:PORT, an IPv6 address being in brackets; raises `TextError`."""
     match = _ADDRESS.fullmatch(text)

@@ -7,7 +7,7 @@ from agent_bench import FOLLOWING, Bench, Join
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import SchemeMessage
+from rcopterx.bus.external_messages import SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.plugins import SCHEMES
 from rcopterx_studies.schemes.tracked import Moving

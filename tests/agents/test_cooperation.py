@@ -15,7 +15,8 @@ from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.scheme_messages import LaterExchanges, scheme_message, unpacked
 from rcopterx.bus.codec import decode, encode
-from rcopterx.bus.messages import MAX_PAYLOAD_BYTES, LeaderLink, SchemeMessage
+from rcopterx.bus.external_messages import MAX_PAYLOAD_BYTES, SchemeMessage
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.control.references.trajectory import hold

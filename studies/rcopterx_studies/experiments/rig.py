@@ -28,8 +28,9 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard, without_guard
 from rcopterx.bus.codec import encode
+from rcopterx.bus.external_messages import SchemeMessage
 from rcopterx.bus.message import Parameters
-from rcopterx.bus.messages import LeaderLink, SchemeMessage
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import Tune
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
