@@ -7,8 +7,6 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import accumulate
-from operator import sub
 from pathlib import Path
 from typing import Final
 
@@ -119,6 +117,10 @@ def found_flight(name: str, directory: Path) -> Flight:
 
 def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:
     """Return the first files of a list whose removal brings the total size within a limit."""
-    files = list(sizes)
-    left = accumulate((size for _, size in files), sub, initial=sum(size for _, size in files))
-    return [path for (path, _), bytes_left in zip(files, left, strict=False) if bytes_left > limit_bytes]
+    files, gone = list(sizes), []
+    left_bytes = sum(size for _, size in files)
+    for path, size in files:
+        if left_bytes > limit_bytes:
+            gone.append(path)
+        left_bytes -= size
+    return gone

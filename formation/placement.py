@@ -8,7 +8,7 @@ from msgspec import structs
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone
 from rcopterx.formation.topology import AT_WORK, FormationGraph, Places, followers, formation_of, places
-from rcopterx.formation.zones import entered
+from rcopterx.formation.zones import after_leaving, entered
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
 
@@ -43,8 +43,7 @@ class Room:
         """Describe how a place, x y z first, or a way leaves the room, or stays outside; None if neither."""
         places_m = np.atleast_2d(way)[:, :3]
         beyond_m = np.maximum(np.array(self.min_m) - places_m, places_m - np.array(self.max_m))
-        out = beyond_m.max(axis=1) > TOLERANCE_M
-        out &= ~np.append(np.logical_and.accumulate(out)[:-1], False)
+        out = after_leaving(beyond_m.max(axis=1) > TOLERANCE_M)
         if not out.any():
             return self.barred(way)
         place, axis = divmod(int(np.argmax(beyond_m * out[:, None])), 3)
@@ -87,16 +86,10 @@ def place_problem(
         return None
     along = followers(after, name)
     problem = _leaving((name, *along), where, room, before)
-    if problem is not None:
-        return problem
-    for moved in (name, *along):
-        for other, place in where.items():
-            if other == moved or moved not in where or (other in along and moved != name):
-                continue
-            problem = room.too_close(moved, where[moved], other, place)
-            if problem is not None:
-                return problem
-    return None
+    pairs = [(name, other) for other in where if other != name]
+    pairs += [(moved, other) for moved in along if moved in where for other in where if other not in along]
+    close = (room.too_close(moved, where[moved], other, where[other]) for moved, other in pairs)
+    return problem or next(filter(None, close), None)
 
 
 def take_off_problem(

@@ -3,19 +3,23 @@
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rcopterx.bus.messages import Zone
 from rcopterx.vehicles.state import Array
 
-EVERY_M: Final = 0.01  # between places of a way that are tried
+EVERY_M: Final = 0.01  # between places that are tried, on the straight lines between those of a way
 TINY_M: Final = 1e-6  # a way that only touches a zone does not enter it
 
 
-def entered(zone: Zone, way_m: Array) -> Array | None:
-    """Return where a way, shape (k, 3), enters a zone with its margin, shape (3,); None if it does not.
+def after_leaving(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of these places count, of a way that may begin so, but has to end otherwise."""
+    counted: NDArray[np.bool_] = within & ~np.append(np.logical_and.accumulate(within)[:-1], False)
+    return counted
 
-    The way is straight between its places. It may begin in the zone, but has to leave it, for good.
-    """
+
+def entered(zone: Zone, way_m: Array) -> Array | None:
+    """Return where, shape (3,), a way, shape (k, 3), enters a zone with its margin; None if it does not."""
     margin_m = zone.margin_m - TINY_M
     low_m, high_m = np.array(zone.min_m) - margin_m, np.array(zone.max_m) + margin_m
     if np.any(way_m.max(axis=0) < low_m) or np.any(way_m.min(axis=0) > high_m):
@@ -26,6 +30,5 @@ def entered(zone: Zone, way_m: Array) -> Array | None:
     beside_m = np.abs(places_m - (low_m + high_m) / 2)
     if zone.shape == "cylinder":
         beside_m[:, :2] = np.linalg.norm(beside_m[:, :2], axis=1, keepdims=True)
-    inside = np.all(beside_m < (high_m - low_m) / 2, axis=1)
-    inside &= ~np.append(np.logical_and.accumulate(inside)[:-1], False)
+    inside = after_leaving(np.all(beside_m < (high_m - low_m) / 2, axis=1))
     return places_m[np.argmax(inside)] if inside.any() else None

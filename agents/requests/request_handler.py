@@ -241,10 +241,8 @@ class RequestHandler:
 
     def _land(self, _: requests.Land) -> requests.Reply:
         guidance, place_m = self.pilot.guidance, self.pilot.estimate.motion[:3]
-        problem = None
-        if guidance.phase is Phase.FLYING:
-            problem = self.settings.room.barred(np.array([place_m, (*place_m[:2], guidance.task.floor_m)]))
-        if problem is not None:
+        down = np.array([place_m, (*place_m[:2], guidance.task.floor_m)])
+        if guidance.phase is Phase.FLYING and (problem := self.settings.room.barred(down)) is not None:
             return reply_of(f"on its way down {problem}")
         return reply_of(guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
