@@ -91,5 +91,5 @@ def link_to_successor(
     )
     if own is None or other is None:
         return None
-    where = places({lost: (), vehicle: (own,), successor: (other,)}, {lost: np.array([0, 0, 0, yaw_rad])})
+    where = places({lost: (), vehicle: (own,), successor: (other,)}, {lost: np.array([0.0, 0, 0, yaw_rad])})
     return link_between(where[vehicle], where[successor], own, successor)

@@ -119,7 +119,7 @@ class MavlinkProtocol(SetPointRadio):
 
     def _requests(self) -> list[bytes]:
         """Pack the commands that bring the vehicle into the state that is wanted, next step first."""
-        # Another mode is replaced only before arming: later a pilot or a failsafe has chosen it.
+        # Only once a flight, without thrust: later a pilot or a failsafe chooses the mode, and disarms.
         state = self._state
         packets = []
         for report, (number, interval_us, _) in REPORTS.items():
@@ -132,7 +132,7 @@ class MavlinkProtocol(SetPointRadio):
         arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         if self._arming and state.armed and state.obeys:
             self._arming = False
-        elif self._arming and not self._thrusts:  # Later a pilot or a failsafe has chosen another mode.
+        elif self._arming and not self._thrusts:
             custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
             mode = self._command(mavlink.MAV_CMD_DO_SET_MODE, custom, self._mode.requested)
             packets.append(self._command(arm, 1) if state.obeys else mode)

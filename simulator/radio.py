@@ -114,7 +114,8 @@ class RadioPty(RadioEnd):
 
     def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
         """Restore the pauses of frames that piled up between two reads."""
-        # A pseudo-terminal does not report when bytes were written.
+        # A pseudo-terminal does not report when bytes were written. Bytes of one read count as back to back,
+        # unless the last read is so long ago that whole frames can have arrived one after the other.
         length = self.link.module.frame_length
         if len(data) < 2 * length:
             return [(now_s, data)]

@@ -201,9 +201,10 @@ class Model:
         """Return the same model where poses give no tilt."""
         return replace(self, tilt_measured=False, uncertainty=self.uncertainty.for_positions_only())
 
-    def within(self, low: Three, high: Three) -> "Model":
-        """Return the same model with other bounds of the position [m]."""
-        return replace(self, state_min=(*low, *self.state_min[3:]), state_max=(*high, *self.state_max[3:]))
+    def within(self, low_m: Three, high_m: Three) -> "Model":
+        """Return the same model with other bounds of the position."""
+        low, high = self.state_min[3:], self.state_max[3:]
+        return replace(self, state_min=(*low_m, *low), state_max=(*high_m, *high))
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -1,4 +1,4 @@
-"""The example of keep-out zones: what leads into one is refused, and nobody is ever in one."""
+"""The example of keep-out zones: what leads into one is refused, and no vehicle is ever in one."""
 
 import uuid
 from collections.abc import Callable

@@ -25,7 +25,7 @@ def short_flights() -> str:
     return f'{text}\n[bus]\nnamespace = "rotation"\n[hosts.main]\nrouter_port = {free_port()}\n{SHORT}'
 
 
-def test_the_leader_and_a_follower_are_replaced_by_the_spare_and_nobody_leaves_a_gap(
+def test_the_leader_and_a_follower_are_replaced_by_the_spare_and_leave_no_gap(
     launch: Callable[..., Flying],
 ) -> None:
     flying = launch(short_flights())
@@ -34,7 +34,7 @@ def test_the_leader_and_a_follower_are_replaced_by_the_spare_and_nobody_leaves_a
     turning = rotation.Rotation(fleet, 3, period_s=30.0, say=said.append)
     watch = PlaceWatch([turning.ring.place_m(place) for place in range(3)])
     turning.begin()
-    fleet.wait_until(turning.step, 60.0, "nobody was replaced")
+    fleet.wait_until(turning.step, 60.0, "no vehicle was replaced")
     fleet.wait_until(turning.step, 120.0, "the spare that came home was not charged")
     for received in truth.drain():
         watch.take(received.message)

@@ -1,4 +1,7 @@
-"""Example programs whose parts are tested and flown."""
+"""Example programs whose parts are tested and flown.
+
+They are in no package: their folders are on the path while they are imported.
+"""
 
 import sys
 from pathlib import Path
