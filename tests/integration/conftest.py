@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from integration_support import Flying, fleets, in_lockstep
+from integration_support import Flying, fleet_text, fleets, in_lockstep
+from one_process import fly_in_one_process
+from support.bus import free_port
 
 LOCKSTEP_LIMIT_S = 600
 """Only bounds how long a test takes to fail: in lockstep a fleet is as slow as the machine is busy."""
@@ -35,3 +37,23 @@ def launch_once(
     directory, lockstep = tmp_path_factory.mktemp("fleet"), in_lockstep(request.node)
     with pytest.MonkeyPatch.context() as patch, fleets(directory, patch, lockstep=lockstep) as start:
         yield start
+
+
+@pytest.fixture
+def fly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Callable[..., None]:
+    """Fly a fleet in lockstep in this process, with `--real-time` in processes of its own."""
+
+    def flown(
+        flight: Callable[[Flying], None], text: str | None = None, *, learning: bool = False, **options: str
+    ) -> None:
+        if text is None:
+            text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
+        if in_lockstep(request.node):
+            fly_in_one_process(text, flight, learning=learning)
+            return
+        with fleets(tmp_path, monkeypatch) as start:
+            flight(start(text))
+
+    return flown

@@ -35,11 +35,11 @@ def module(flying: Flying, name: str) -> str:
 def kill_gateway_in_flight(flying: Flying) -> None:
     """Kill the transmitter gateway and wait until its successor flies all vehicles."""
     flying.wait_for_spare("transmitters")
-    restarts = flying.restarts("transmitters")
+    started_s = flying.started_s("transmitters")
     flying.kill("transmitters")
     flying.fleet.wait_until(
         lambda: (
-            flying.restarts("transmitters") == restarts + 1
+            flying.started_s("transmitters") > started_s
             and all(counter(flying, name, "openings") == 1 and flown_by(flying, name) for name in NAMES)
         ),
         30,

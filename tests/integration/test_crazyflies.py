@@ -23,9 +23,9 @@ from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.simulator.faults import BreakRadio, Recover
 from rcopterx_studies.faults.scenario import inject_faults
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(180)]
 
-Launch = Callable[..., Flying]
+Fly = Callable[..., None]
 UNTHRUSTED_US = 1110.0
 WEAK = """
 [vehicles.h3]
@@ -39,10 +39,11 @@ STOPPED_S = 1.0
 """Very loose, for a busy machine; `test_kill_times` measures."""
 
 
-def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are_killed(
-    launch: Launch,
-) -> None:
-    flying = launch(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
+def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are_killed(fly: Fly) -> None:
+    fly(fly_and_kill, of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
+
+
+def fly_and_kill(flying: Flying) -> None:
     fleet, truth, log = flying.fleet, Truth(flying), RadioLog(flying)
     fleet.wait_until(lambda: " V, link 100 %" in module(flying, "h1"), 30, "no battery")
     fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
@@ -77,13 +78,14 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     fleet.wait_until(lambda: all(landed_gently(truth, name) for name in ("h1", "h2")), 30, "not landed")
 
 
-def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_no_more(
-    launch: Launch,
-) -> None:
+def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_no_more(fly: Fly) -> None:
     text = fleet_text(
         free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=WEAK.format(radio_paths(1)[0])
     )
-    flying = launch(text)
+    fly(empty_a_battery, text)
+
+
+def empty_a_battery(flying: Flying) -> None:
     fleet, truth = flying.fleet, Truth(flying)
     fleet.take_off(["h3"], height_m=0.7, timeout_s=40)
 

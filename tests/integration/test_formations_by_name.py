@@ -9,13 +9,16 @@ from integration_support import NAMES, Flying
 
 from rcopterx.bus import channels
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
 
 NEAREST_M = 0.3
 
 
-def test_vehicles_change_places_although_these_are_taken_at_first(launch: Callable[..., Flying]) -> None:
-    flying = launch()
+def test_vehicles_change_places_although_these_are_taken_at_first(fly: Callable[..., None]) -> None:
+    fly(change_places)
+
+
+def change_places(flying: Flying) -> None:
     fleet = flying.fleet
     fleet.take_off(height_m=0.8, timeout_s=40)
     fleet.wait_for_formation()

@@ -10,7 +10,9 @@ from integration_support import NAMES, Flying, Truth, on_floor
 from rcopterx.bus import channels
 from rcopterx.control.references.path_shapes import circle
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
+
+Fly = Callable[..., None]
 
 NEAREST_M = 0.3
 HOME_M, NEARBY_M = 0.15, 0.7
@@ -46,8 +48,11 @@ def come_home(
     flying.fleet.wait_until(lambda: all(on_floor(truth, name) for name in names), 5, "not down", names)
 
 
-def test_a_leader_on_a_trajectory_and_its_followers_come_home(launch: Callable[..., Flying]) -> None:
-    flying = launch()
+def test_a_leader_on_a_trajectory_and_its_followers_come_home(fly: Fly) -> None:
+    fly(leave_a_trajectory)
+
+
+def leave_a_trajectory(flying: Flying) -> None:
     homes = places(flying)
     flying.fleet.take_off(height_m=0.8, timeout_s=40)
     flying.fleet.wait_for_formation()
@@ -61,8 +66,11 @@ def lost(flying: Flying, name: str) -> bool:
     return status is not None and status.following_mode != "follow"
 
 
-def test_followers_come_home_after_a_lost_leader(launch: Callable[..., Flying]) -> None:
-    flying = launch()
+def test_followers_come_home_after_a_lost_leader(fly: Fly) -> None:
+    fly(lose_the_leader)
+
+
+def lose_the_leader(flying: Flying) -> None:
     homes = places(flying)
     flying.fleet.take_off(height_m=0.8, timeout_s=40)
     flying.fleet.wait_for_formation()
@@ -71,8 +79,11 @@ def test_followers_come_home_after_a_lost_leader(launch: Callable[..., Flying]) 
     come_home(flying, homes, ("h2", "h3"))
 
 
-def test_a_vehicle_whose_place_is_taken_lands_beside_it(launch: Callable[..., Flying]) -> None:
-    flying = launch()
+def test_a_vehicle_whose_place_is_taken_lands_beside_it(fly: Fly) -> None:
+    fly(find_the_place_taken)
+
+
+def find_the_place_taken(flying: Flying) -> None:
     fleet, homes = flying.fleet, places(flying)
     fleet.take_off(height_m=0.8, timeout_s=40)
     for name in ("h2", "h3"):

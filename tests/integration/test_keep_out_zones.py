@@ -2,8 +2,10 @@
 
 import uuid
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from runpy import run_path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,15 +16,21 @@ from support.bus import free_port
 from rcopterx.bus import channels
 from rcopterx.formation.zones import entered
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "keep_out_zones" / "keep_out_zones.py"
 
 
-def test_vehicles_fly_round_zones_and_are_refused_what_leads_into_them(launch: Callable[..., Flying]) -> None:
+def test_vehicles_fly_round_zones_and_are_refused_what_leads_into_them(fly: Callable[..., None]) -> None:
     example = run_path(str(EXAMPLE))
     text = example["FLEET"].read_text().replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}")
-    flying = launch(f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
+    fly(
+        partial(fly_round, example=example),
+        f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n',
+    )
+
+
+def fly_round(flying: Flying, example: dict[str, Any]) -> None:
     inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=20_000)
     through, behind, formed, landing = example["fly"](flying.fleet)
     for refusal, begin, zone in (

@@ -9,14 +9,12 @@ from integration_support import (
     NAMES,
     Flying,
     Truth,
-    fleet_text,
-    free_port,
     transmitter_state,
 )
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(180)]
 
-Launch = Callable[..., Flying]
+Fly = Callable[..., None]
 PLACE_M = 0.15
 
 
@@ -38,18 +36,14 @@ leader_lost = {{ then = "{then.get(name, "hold")}", after_s = 1.0 }}
     )
 
 
-def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
-    hosts = {"main": ("127.0.0.1", free_port())}
-    control = 'controller = "cascade"\nhorizon = 30'
-    text = fleet_text(free_port(), hosts, vehicles=vehicles(then), control=control)
-    flying = launch(text)
+def take_off(flying: Flying) -> Truth:
     truth = Truth(flying)
     flying.fleet.take_off(height_m=0.8, timeout_s=40)
     wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
     flying.fleet.wait_until(
         lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",), 30, "no leader"
     )
-    return flying, truth
+    return truth
 
 
 @contextmanager
@@ -121,8 +115,12 @@ def recover(flying: Flying, names: tuple[str, ...]) -> None:
     wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
 
 
-def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_back(launch: Launch) -> None:
-    flying, truth = start(launch, {"h2": "promote", "h3": "promote"})
+def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_back(fly: Fly) -> None:
+    fly(agree_on_a_successor, vehicles=vehicles({"h2": "promote", "h3": "promote"}))
+
+
+def agree_on_a_successor(flying: Flying) -> None:
+    truth = take_off(flying)
     before = {name: place(truth, name) for name in ("h2", "h3")}
     with cut_off(flying, "h1"):
         wait_for_stances(flying, {"h2": "lead", "h3": "follow_successor"})
@@ -145,8 +143,12 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
 
 
 @pytest.mark.campaign
-def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_says(launch: Launch) -> None:
-    flying, truth = start(launch, {"h2": "hold", "h3": "land"})
+def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_says(fly: Fly) -> None:
+    fly(hold_and_land, vehicles=vehicles({"h2": "hold", "h3": "land"}))
+
+
+def hold_and_land(flying: Flying) -> None:
+    truth = take_off(flying)
     before = place(truth, "h2")
     with gone(flying, "h1"):
         wait_for_stances(flying, {"h2": "hold"})

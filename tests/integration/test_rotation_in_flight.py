@@ -10,7 +10,7 @@ from support.places import PlaceWatch
 
 from rcopterx.bus import channels
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(600)]
 
 GAP_S = 5.0
 NEAREST_M = 0.4
@@ -26,9 +26,12 @@ def short_flights() -> str:
 
 
 def test_the_leader_and_a_follower_are_replaced_by_the_spare_and_leave_no_gap(
-    launch: Callable[..., Flying],
+    fly: Callable[..., None],
 ) -> None:
-    flying = launch(short_flights())
+    fly(replace_two, short_flights())
+
+
+def replace_two(flying: Flying) -> None:
     fleet, said = flying.fleet, list[str]()
     truth = fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=20_000)
     turning = rotation.Rotation(fleet, 3, period_s=30.0, say=said.append)

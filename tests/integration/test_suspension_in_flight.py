@@ -12,7 +12,7 @@ from rcopterx.bus.messages import AgentStatus
 from rcopterx.control.references.path_shapes import circle, figure_eight
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
 
 AT_REST_M_S = 0.15
 FORMATION_M = 0.15
@@ -38,8 +38,11 @@ def has_ended(flying: Flying, name: str) -> bool:
     return status_of(flying, name).path_left_s == 0.0
 
 
-def test_two_trajectories_and_a_follower_stop_and_go_on(launch: Callable[..., Flying]) -> None:
-    flying = launch()
+def test_two_trajectories_and_a_follower_stop_and_go_on(fly: Callable[..., None]) -> None:
+    fly(stop_and_go_on)
+
+
+def stop_and_go_on(flying: Flying) -> None:
     fleet = flying.fleet
     with pytest.raises(RefusedError, match="no vehicle that leads is in the air"):
         fleet.suspend()
@@ -70,4 +73,3 @@ def test_two_trajectories_and_a_follower_stop_and_go_on(launch: Callable[..., Fl
         assert status_of(flying, name).set_point.position_m == pytest.approx(end_m, abs=1e-6)
     with pytest.raises(RefusedError, match="h1: nothing is suspended; h3: nothing is suspended"):
         fleet.resume()
-    flying.check_promises()

@@ -1,6 +1,7 @@
 """Trackers of 100 and 200 Hz: every frame feeds the estimators, control keeps its 50 Hz."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,9 +11,8 @@ from rcopterx.bus import channels
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import FlightSampler
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(120)]
 
-Launch = Callable[..., Flying]
 NAMES = ("h1", "h2")
 VEHICLES = """
 [vehicles.h1]
@@ -28,7 +28,7 @@ ERROR_MM = 150.0
 
 
 @pytest.mark.parametrize("rate_hz", [100, pytest.param(200, marks=pytest.mark.campaign)])
-def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_hz: int) -> None:
+def test_a_formation_flies_at_higher_rates_of_the_tracker(fly: Callable[..., None], rate_hz: int) -> None:
     text = fleet_text(
         free_port(),
         {"main": ("127.0.0.1", free_port())},
@@ -36,7 +36,11 @@ def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_h
         control='controller = "cascade"\nhorizon = 20',
         simulator=f"rate_hz = {rate_hz}",
     )
-    fleet = launch(text).fleet
+    fly(partial(follow_a_leader, rate_hz=rate_hz), text)
+
+
+def follow_a_leader(flying: Flying, rate_hz: int) -> None:
+    fleet = flying.fleet
     fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
     fleet.wait_for_formation()
     recorder = FlightSampler(fleet.session)

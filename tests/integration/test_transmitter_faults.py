@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -104,9 +105,12 @@ class Still:
     ],
 )
 def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
-    launch: Launch, condition: str, reported: str
+    fly: Callable[..., None], condition: str, reported: str
 ) -> None:
-    flying = launch(trio_text())
+    fly(partial(lose_a_radio, condition=condition, reported=reported), trio_text())
+
+
+def lose_a_radio(flying: Flying, condition: str, reported: str) -> None:
     truth = Truth(flying)
     flying.fleet.take_off(["h1", "h3"], height_m=0.8, timeout_s=40)
     flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M, timeout_s=40)

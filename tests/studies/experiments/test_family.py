@@ -43,7 +43,7 @@ def test_default_configuration_flies_a_drawn_crazyflie_through_the_programme() -
     assert flown.fallbacks == 0
 
 
-@pytest.mark.parametrize("known", ["default", "learned"])
+@pytest.mark.parametrize("known", ["default", pytest.param("learned", marks=pytest.mark.campaign)])
 def test_vehicle_like_a_real_one_flies_through_the_programme(known: Knowledge) -> None:
     (scheme, _) = levels_of([known]).values()
     flown = fly_member(scheme, QUICK_PROGRAMME, COAXES, 1)
