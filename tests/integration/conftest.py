@@ -45,13 +45,11 @@ def fly(
 ) -> Callable[..., None]:
     """Fly a fleet in lockstep in this process, with `--real-time` in processes of its own."""
 
-    def flown(
-        flight: Callable[[Flying], None], text: str | None = None, *, learning: bool = False, **options: str
-    ) -> None:
+    def flown(flight: Callable[[Flying], None], text: str | None = None, **options: str) -> None:
         if text is None:
             text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
         if in_lockstep(request.node):
-            fly_in_one_process(text, flight, learning=learning)
+            fly_in_one_process(text, flight)
             return
         with fleets(tmp_path, monkeypatch) as start:
             flight(start(text))

@@ -24,7 +24,7 @@ class FlyingInOneProcess(Flying):
         return os.getpid()
 
 
-def fly_in_one_process(text: str, flight: Callable[[Any], None], *, learning: bool = False) -> None:
+def fly_in_one_process(text: str, flight: Callable[[Any], None]) -> None:
     """Fly a fleet file; no process may end with an exception, and what always holds holds at the end."""
 
     def script(fleet: Fleet) -> None:
@@ -37,7 +37,7 @@ def fly_in_one_process(text: str, flight: Callable[[Any], None], *, learning: bo
         flying.check_promises()
 
     file = at_speed(parse_fleet(text), None, lockstep=True)
-    with in_one_process(file, _unused, learning=learning) as process:
+    with in_one_process(file, _unused) as process:
         process.run(script)
     assert not process.turns.failures
 

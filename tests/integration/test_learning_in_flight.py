@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,8 +15,10 @@ from rcopterx.control.identification.result import HEIGHT, HORIZONTAL
 from rcopterx.ground_station.report.recorder import FlightSampler
 from rcopterx.vehicles.model import IDENTIFIED
 
-pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
+# `make test` flies fleets that learn in tests/studies/experiments/test_fleets.py, without processes.
+pytestmark = [pytest.mark.campaign, pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
 
+Launch = Callable[..., Flying]
 PLACES_M = ((0.4, 0.0, 1.2), (0.4, 0.3, 1.0), (-0.1, 0.3, 1.3), (0.0, -0.2, 1.0))
 OFFSETS_M = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.4, -0.5, 0.0)}
 STEP_S = 5.0
@@ -46,13 +47,10 @@ def fly_round(flying: Flying) -> float:
 
 
 def test_a_formation_learns_within_a_minute_and_flies_better_since(
-    fly: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_FLIGHTS", str(tmp_path / "flights"))
-    fly(partial(learn, directory=tmp_path / "flights" / "learned" / "lab"), text(), learning=True)
-
-
-def learn(flying: Flying, directory: Path) -> None:
+    flying = launch(text())
     truth = Truth(flying)
     flying.fleet.take_off(height_m=1.0, timeout_s=40)
     truth.start_watch()
@@ -68,6 +66,6 @@ def learn(flying: Flying, directory: Path) -> None:
         assert {HORIZONTAL, HEIGHT} <= set(values.learned)
         flown = Configuration.reported(values).flown_model(COAXIAL)
         assert flown.uncertainty.axes[0] == IDENTIFIED.axes[0]
-        kept = json.loads((directory / f"{name}.json").read_text())
+        kept = json.loads((tmp_path / "flights" / "learned" / "lab" / f"{name}.json").read_text())
         assert kept["parts"] == list(values.learned)
     truth.assert_none_touched_down()

@@ -19,7 +19,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.lockstep.page import create_page, opened_page, remove_page
-from rcopterx.bus.processes import CHECKPOINT, HOST_SERVICE, LEARNER, SCRIPT, SIMULATOR, TRACKER
+from rcopterx.bus.processes import CHECKPOINT, HOST_SERVICE, SCRIPT, SIMULATOR, TRACKER
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import RawMessage, Session
 from rcopterx.bus.stepping import StepBus
@@ -35,13 +35,11 @@ from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import agent_process, processes_of
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.deploy.roles.learner import learner_settings
 from rcopterx.deploy.roles.simulator import simulator_settings
 from rcopterx.deploy.roles.tracker import tracker_settings
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.reading import digest_of
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.flights.learner import CHECK_S, Learner
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.simulator.process import Simulator
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
@@ -61,8 +59,6 @@ class OneProcess:
         directory: Path,  # its run directory
         store: Callable[[RawMessage], None],  # gets every message on its bus
         without: Collection[str] = (),  # vehicles that can join later
-        *,
-        learning: bool = False,  # whether vehicles learn their models
     ) -> None:
         self._file, (self._host,) = file, file.hosts
         self._directory, self._store = directory, store
@@ -76,8 +72,6 @@ class OneProcess:
             **{name: partial(self._transmit, name) for name in file.gateways if file.served_by(name)},
             **{agent_process(name): partial(self._control, name) for name in file.vehicles},
         }
-        if learning:
-            processes[LEARNER] = self._learn
         specs = [spec for spec in processes_of(file, self._host) if spec.name in processes]
         # It starts nothing: the scheduler starts what is missing.
         self.supervisor = Supervisor(specs, directory / "snapshot", directory / "log", ForkServer())
@@ -174,14 +168,6 @@ class OneProcess:
             while not agent.lost:
                 agent.turn(session)
 
-    def _learn(self) -> None:
-        settings = learner_settings(self._file, self._host)
-        with Session(settings.bus) as session:
-            learner = Learner(settings, session)
-            while True:
-                session.wait(CHECK_S)
-                learner.step()
-
     def _keep_intents(self) -> None:
         children = self.supervisor.children
         service = CheckpointService(
@@ -208,14 +194,8 @@ class OneProcess:
 
 @contextmanager
 def in_one_process(
-    file: FleetFile,
-    store: Callable[[RawMessage], None],
-    without: Collection[str] = (),
-    *,
-    learning: bool = False,
+    file: FleetFile, store: Callable[[RawMessage], None], without: Collection[str] = ()
 ) -> Iterator[OneProcess]:
     """Give a fleet in lockstep a run directory of its own, and prepare its processes."""
     with TemporaryDirectory(prefix="rcopterx-") as place, patch.dict(os.environ, {VARIABLE: place}):
-        yield OneProcess(
-            file, run_directory(file.name, file.bus.namespace), store, without, learning=learning
-        )
+        yield OneProcess(file, run_directory(file.name, file.bus.namespace), store, without)
