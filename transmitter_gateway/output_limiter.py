@@ -46,11 +46,28 @@ def least_thrust_share(height_m: float, climb_m_s: float) -> float:
 
 
 FILTER_S = 1.0
+TRUSTED_S = 3.0  # the same of what a descent without poses may begin with: the newest poses may be wrong
 PRIOR_S = 0.2  # flight time that counts as much as the first value
 PRIOR_DOUBT = 0.15  # error of the first value, as a share of it, that a descent without poses allows for
 LEAST = 0.3  # smallest load over weight, and hover thrust over the calibrated one
 SETTLING_S = 0.15  # until the low-pass of the climb rate has forgotten the time when the vehicle was not seen
 LONGEST_STEP_S = 0.1  # the climb rate after a longer pause says nothing about the thrust
+
+
+class _Means:
+    """Means of thrust and vertical acceleration over a flight, at most over `longest_s`."""
+
+    def __init__(self, longest_s: float, thrust: float) -> None:
+        self._longest_s, self._thrust, self._m_s2 = longest_s, thrust, 0.0
+
+    def note(self, thrust: float, gained_m_s: float, elapsed_s: float, known_s: float) -> None:
+        filter_s = min(self._longest_s, PRIOR_S + known_s)
+        self._thrust += (thrust - self._thrust) * elapsed_s / filter_s
+        self._m_s2 += (gained_m_s - self._m_s2 * elapsed_s) / filter_s
+
+    def hover(self, weight_m_s2: float) -> float:
+        """Thrust at which the vehicle hovers."""
+        return self._thrust / max(1.0 + self._m_s2 / weight_m_s2, LEAST)
 
 
 class HoverThrust:
@@ -75,15 +92,20 @@ class HoverThrust:
 
     def begin(self, first: float, acting: float, known_s: float = 0.0) -> None:
         """Begin while a thrust acts; `first` is the hover thrust of `PRIOR_S` and `known_s` of flight."""
-        self._mean_thrust, self._acting, self.known_s = first, acting, known_s
-        self._mean_m_s2 = self._seen_s = self.climb_m_s = 0.0
+        self._means = _Means(FILTER_S, first), _Means(TRUSTED_S, first)
+        self._acting, self.known_s = acting, known_s
+        self._seen_s = self.climb_m_s = 0.0
         self._aloft = known_s > 0.0  # whether it has been seen in the air
 
     @property
     def value(self) -> float:
         """Thrust at which the vehicle hovers, within `largest_correction` of the calibrated one."""
-        load = max(1.0 + self._mean_m_s2 / self._weight_m_s2, LEAST)
-        return min(max(self._mean_thrust / load, self._lower), self._upper)
+        return min(max(self._means[0].hover(self._weight_m_s2), self._lower), self._upper)
+
+    @property
+    def trusted(self) -> float:
+        """The same, but not above the mean of the last seconds: a pose that is not its own raises `value`."""
+        return min(self.value, max(self._means[1].hover(self._weight_m_s2), self._lower))
 
     @property
     def scale(self) -> float:
@@ -91,9 +113,9 @@ class HoverThrust:
         return self.value / self._calibrated
 
     def below(self, share: float) -> float:
-        """Thrust that surely sinks: less than `value` by a share of it, and by its doubt."""
+        """Thrust that surely sinks: less than `trusted` by a share of it, and by its doubt."""
         doubt = PRIOR_DOUBT * PRIOR_S / (PRIOR_S + self.known_s)
-        return self.value * (1.0 - share - doubt)
+        return self.trusted * (1.0 - share - doubt)
 
     def note(self, thrust: float, elapsed_s: float, climb_m_s: float | None) -> None:
         """Use the thrust applied for `elapsed_s` and the climb rate after it, None if not seen in the air.
@@ -112,9 +134,8 @@ class HoverThrust:
         if self._seen_s <= SETTLING_S or elapsed_s > LONGEST_STEP_S:
             return
         self.known_s += elapsed_s
-        filter_s = min(FILTER_S, PRIOR_S + self.known_s)
-        self._mean_thrust += (self._acting - self._mean_thrust) * elapsed_s / filter_s
-        self._mean_m_s2 += (climb_m_s - before_m_s - self._mean_m_s2 * elapsed_s) / filter_s
+        for means in self._means:
+            means.note(self._acting, climb_m_s - before_m_s, elapsed_s, self.known_s)
 
 
 LONGEST_SLEW_STEP_S = 0.04
@@ -200,7 +221,7 @@ class OutputLimiter:
     def hold(self, motion: Motion | None, elapsed_s: float) -> None:
         """Hold the place; without a motion level the vehicle and end its climb."""
         if motion is None:
-            self._level(self.hover.value, self._limits.descend_rate_per_s, elapsed_s)
+            self._level(self.hover.trusted, self._limits.descend_rate_per_s, elapsed_s)
         else:
             self._fly(motion, 0.0, elapsed_s)
 
@@ -230,7 +251,7 @@ class OutputLimiter:
         """Level the vehicle and lower its thrust at a rate to `thrust`, and by more while it climbs."""
         # A lower thrust is raised if the vehicle was last located in the air, else it would fall.
         self.law.release()
-        before = min(self.u[THRUST] + self._braked, self.hover.value)
+        before = min(self.u[THRUST] + self._braked, self.hover.trusted)
         raised = before + (self._slew_per_s[THRUST] * elapsed_s if self._flew else 0.0)
         level = max(min(raised, thrust), before - rate_per_s * elapsed_s)
         self._braked = BRAKING * self.hover.scale * max(self.hover.climb_m_s, 0.0)

@@ -108,3 +108,12 @@ def test_hover_thrust_stays_in_its_limits_whatever_is_flown(
         hover.note(thrust, elapsed_s, climb_m_s)
         assert max(LEAST * calibrated, calibrated - 0.35) <= hover.value <= min(1.0, calibrated + 0.35)
         assert math.isfinite(hover.climb_m_s)
+
+
+def test_a_descent_trusts_no_thrust_that_only_the_newest_poses_explain() -> None:
+    """Those of a body that stands in the place of the vehicle, which climbs meanwhile."""
+    hover = hovered(1.1 * CALIBRATED, 1.0, hovered(CALIBRATED, 20.0))
+    assert hover.value > 1.05 * CALIBRATED
+    assert hover.trusted < 1.03 * CALIBRATED
+    lighter = hovered(0.9 * CALIBRATED, 1.0, hovered(CALIBRATED, 20.0))
+    assert lighter.trusted == lighter.value

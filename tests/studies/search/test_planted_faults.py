@@ -16,7 +16,7 @@ from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway import pose_monitor, radios, transitions
 from rcopterx.transmitter_gateway.command_validator import Leases
 from rcopterx.transmitter_gateway.inputs import State
-from rcopterx.transmitter_gateway.output_limiter import OutputLimiter
+from rcopterx.transmitter_gateway.output_limiter import HoverThrust, OutputLimiter
 from rcopterx.transmitter_gateway.pose_monitor import PoseMonitor
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, StatePage, page_of_process
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition, Transition
@@ -114,6 +114,11 @@ def jumped_heading_believed() -> AbstractContextManager[Any]:
     return patch.object(pose_monitor, "JUMP_RAD", 9.0)
 
 
+def newest_poses_trusted() -> AbstractContextManager[Any]:
+    """A descent without poses begins with the hover thrust of the last second."""
+    return patch.object(HoverThrust, "trusted", property(lambda self: self.value))
+
+
 def doubt_begins_anew() -> AbstractContextManager[Any]:
     """A successor of a gateway forgets how well the hover thrust was known."""
     take_over = OutputLimiter.take_over
@@ -131,6 +136,7 @@ def doubt_begins_anew() -> AbstractContextManager[Any]:
         (low_is_the_floor, "touchdown-70128"),
         (doubt_begins_anew, "touchdown-1004"),
         (jumped_heading_believed, "volume-30011"),
+        (newest_poses_trusted, "volume-80018"),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
