@@ -31,6 +31,7 @@ BESIDE: Final = {
     "crazyflie": "coaxial",
     "betaflight": "mavlink_quadrotor",
     "mavlink_quadrotor": "betaflight",
+    "ardupilot_quadrotor": "crazyflie",
 }
 """Types, which are the names of their vehicles, and another vehicle for each."""
 ON_FLOOR: Final = "on-floor"
