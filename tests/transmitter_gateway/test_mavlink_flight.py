@@ -226,6 +226,17 @@ def test_a_vehicle_that_disarms_itself_in_flight_is_not_armed_again(bench: Bench
     assert bench.state is not State.ARMED
 
 
+def test_a_refusal_in_several_packets_is_shown_whole_with_its_cause_and_without_tabs() -> None:
+    bench = Bench()
+    bench.run(2.5, 0.0)
+    assert bench.request(Action.ARM)
+    empties(bench.vehicle, bench.now_s)
+    bench.run(0.5, 0.0)
+    assert not bench.vehicle.armed
+    text = "Critical battery; Arming denied: Resolve system health failures first"
+    assert bench.module == f"ready, 16.80 V, link 100 %; refused: {text}", "of 52 characters, 50 fit in a packet"
+
+
 def test_a_vehicle_that_refuses_to_arm_does_not_take_off_and_says_why() -> None:
     bench = Bench()
     bench.run(2.5, 0.0)
