@@ -344,8 +344,8 @@ class Arbiter:
         self.reason = ": ".join([row.reason, *details])
         if self.state not in ON_THE_WAY_DOWN:
             self._landing_since_s, self._landing_reason = now_s, self.reason
-        elif row.target not in (State.ARMED, State.DISARMED) and not details:
-            self.reason = f"{row.reason}: {self._landing_reason}"
+        elif row.target in {*ON_THE_WAY_DOWN, State.CUT} and self.reason != self._landing_reason:
+            self.reason += f": {self._landing_reason}"
         if row.target is State.ARMED and self.state not in FLYING:
             self.commanded = True
             self._thrust_time_s = 0.0
