@@ -140,17 +140,13 @@ class CrazyflieProtocol(SetPointRadio):
     def _requests(self, *, armed: bool) -> list[crtp.Packet]:
         """Packets that are not needed in every frame."""
         self._answers.append(False)
-        requests = [crtp.STATE_REQUEST]
-        state = self._reports.state
+        requests, reports = [crtp.STATE_REQUEST], self._reports
+        state = reports.state
         if not armed:
-            self._reports.fall_backs = 0
+            reports.fall_backs = 0
         if state is None:
             requests.append(crtp.VERSION_REQUEST)
-        elif (
-            armed != state.armed
-            and self._reports.fall_backs < FALL_BACKS
-            and (armed or not state.arms_itself)
-        ):
+        elif armed != state.armed and reports.fall_backs < FALL_BACKS and (armed or not state.arms_itself):
             requests.append(crtp.arm_request(on=armed))
         self.watched = self.watched or (armed and self.settings.watchdog)
         if self.watched:

@@ -217,7 +217,7 @@ class MavlinkProtocol(SetPointRadio):
         if not state.armed:
             return self._parameters.problem or state.arming_problem(now_s)
         if not state.obeys:
-            return f"armed, not by the gateway: {state.other_mode}"
+            return f"armed in {state.other_mode}"
         return f"the autopilot is still armed: {state.complaint or 'it has not answered yet'}"
 
     def status(self, now_s: float) -> ModuleStatus:

@@ -49,30 +49,27 @@ class ParameterCheck:
 
     def __init__(self, autopilot: int, settings: MavlinkSettings) -> None:
         self._settings = settings
-        self._left = list(RULES[autopilot])
+        self._left = {rule.name: rule for rule in RULES[autopilot]}
         self._tries = 0
         self._wrong: list[str] = []
 
     def skip(self) -> None:
         """Read none: the vehicle flies."""
-        self._left = []
+        self._left.clear()
 
     def wanted(self) -> list[str]:
         """Return the names that are to be requested now."""
         if self._tries == TRIES:
-            self._left = []
+            self.skip()
         self._tries += 1
-        return [rule.name for rule in self._left]
+        return list(self._left)
 
     def take(self, message: Any) -> None:
         """Judge the answer to a request."""
-        for rule in self._left:
-            if rule.name == message.param_id and math.isfinite(message.param_value):
-                if not rule.holds(message.param_value, self._settings):
-                    right = rule.right.format(self._settings)
-                    self._wrong.append(f"{rule.name} is {message.param_value:g}, right is {right}")
-                self._left = [other for other in self._left if other is not rule]
-                return
+        name, value = message.param_id, message.param_value
+        rule = self._left.pop(name, None) if math.isfinite(value) else None
+        if rule is not None and not rule.holds(value, self._settings):
+            self._wrong.append(f"{name} is {value:g}, right is {rule.right.format(self._settings)}")
 
     @property
     def problem(self) -> str | None:

@@ -80,6 +80,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.parameters = {
             "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
             "MAV_GCS_SYSID": float(settings.own_system), "ATC_ANGLE_MAX": settings.full_tilt_deg,
+            "BATT_FS_LOW_ACT": 0.0,
         } if self._ardupilot else {
             "COM_OF_LOSS_T": LOSS_S, "MC_YAWRATE_MAX": settings.full_yaw_rate_deg_s,
         }  # fmt: skip
@@ -230,8 +231,7 @@ class EmulatedAutopilot(UdpVehicle):
         if self._obeys:
             return "" if self._streams else "Arming denied: no offboard signal"
         # Other modes of PX4 need a position; that of ArduPilot after its start does not.
-        fit = self._ardupilot or self._located
-        return "" if fit else DENIED
+        return "" if self._ardupilot or self._located else DENIED
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
@@ -279,9 +279,7 @@ class EmulatedAutopilot(UdpVehicle):
             return mavlink.MAVLink_sys_status_message(
                 enabled, enabled, healthy, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
             )
-        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        if self.armed:
-            flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED * self.armed
         state = mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY
         kind, autopilot = mavlink.MAV_TYPE_QUADROTOR, self._obeying.autopilot
         return mavlink.MAVLink_heartbeat_message(kind, autopilot, flags, self.mode, state, 3)
@@ -304,11 +302,14 @@ class EmulatedAutopilot(UdpVehicle):
             self._landed_s = now_s
         lost_s = GCS_LOSS_S if self._ardupilot else LOSS_S
         if self._obeys and now_s > self._received_s + lost_s:
-            autopilot = self._obeying.autopilot
-            self.mode, self._failed_s = (LANDING if self.armed else HOLDING)[autopilot], now_s
+            self.mode, self._failed_s = (LANDING if self.armed else HOLDING)[self._obeying.autopilot], now_s
         strays_s = self._posed_s + POSITION_S[ARDUPILOT] + EKF_CHECK_S
         if self._ardupilot and not self._strays and now_s > strays_s:
             self._stray(now_s)
+        fails = self.armed and self.flown_s >= ENDURANCE_S and not self._lands
+        if fails and self.parameters.get("BATT_FS_LOW_ACT"):
+            self.mode, self._failed_s = LANDING[ARDUPILOT], now_s
+            self._said += _texts("Battery Failsafe")
         if self._lands and self._height_m <= FLYING_M:
             self.armed = False
         self._note(now_s)

@@ -193,6 +193,7 @@ class Crazyflie(UdpVehicle):
 
     def sense(self, plant: Plant) -> None:
         """Measure the specific force on its body, by floor or change of velocity, and the voltage."""
+        plant.compensated = True  # it hovers with 0.634 of its thrust at 4.1 V, and with 0.633 at 2.6 V
         if self._renewed:
             plant.renew_battery()
             self._renewed = False

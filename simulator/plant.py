@@ -83,8 +83,9 @@ class Plant(ABC):
 
     Public besides the methods: `load` (use of the battery, 1 in a hover), `on_floor`, `touchdowns`,
     `touchdown_speed_m_s` (of the last one, None before), `motors_running`, `left_volume` (since the start or
-    the last `place`), `keeps_attitude` (a firmware does), and two that may be set at any time: `wake`, and
-    `faults`, of which those of the sticks act from the next input on.
+    the last `place`), `keeps_attitude` (a firmware does), and three that may be set at any time: `wake`,
+    `compensated` (a firmware keeps the thrust while the voltage falls), and `faults`, of which those of the
+    sticks act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -111,7 +112,7 @@ class Plant(ABC):
         self._hover_seconds_used = 0.0
         endurance_s, full_s = conditions.battery_endurance_s, conditions.charging_s
         self._charged_per_s = endurance_s / full_s if full_s else 0.0
-        self.wake = STILL
+        self.wake, self.compensated = STILL, False
         self.faults = PlantFaults()
         self.keeps_attitude = model.airframe == "attitude"
         self.place(start)
@@ -170,7 +171,7 @@ class Plant(ABC):
     @property
     def thrust_factor(self) -> float:
         """Thrust gain that the battery has left, as a fraction of the full battery's."""
-        return 1.0 - self._conditions.battery_sag * self.used
+        return 1.0 if self.compensated else 1.0 - self._conditions.battery_sag * self.used
 
     def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
         """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; they act after the transport

@@ -48,7 +48,7 @@ class Arbiter:
         self._vehicle = vehicle
         self.limits = limits
         self.state = State.DISARMED  # current state, and why
-        self.reason = "started"
+        self.reason = self._landing_reason = "started"
         # rejections, state entries, planned inputs played and steps that slew rates limited, by name
         self.counters: Counter[str] = Counter()
         self.commanded = False  # whether commands count: from arming until the flight is over
@@ -67,8 +67,7 @@ class Arbiter:
         self._now_s = self._applied_s = -math.inf
         self._entered_s = self._landing_since_s = self._sunk_s = self._descended_s = -math.inf
         self._low_since_s: float | None = None
-        self._thrust_time_s = 0.0
-        self._bridging_step = 0
+        self._thrust_time_s, self._bridging_step = 0.0, 0
         self._details: dict[Condition, str] = {}
         self._event_s: float | None = None
 
@@ -343,6 +342,10 @@ class Arbiter:
         causes = row.needs | (row.unless & {Condition.READY})
         details = [self._details[c] for c in causes if c in self._details]
         self.reason = ": ".join([row.reason, *details])
+        if self.state not in ON_THE_WAY_DOWN:
+            self._landing_since_s, self._landing_reason = now_s, self.reason
+        elif row.target in {*ON_THE_WAY_DOWN, State.CUT} and self.reason != self._landing_reason:
+            self.reason += f": {self._landing_reason}"
         if row.target is State.ARMED and self.state not in FLYING:
             self.commanded = True
             self._thrust_time_s = 0.0
@@ -350,8 +353,6 @@ class Arbiter:
         if row.target not in FLYING:
             self.commanded = False
             self.pose_monitor.release()
-        if row.target in ON_THE_WAY_DOWN and self.state not in ON_THE_WAY_DOWN:
-            self._landing_since_s = now_s
         self.state, self._entered_s = row.target, now_s
         descents_s = self.limits.descents_s(self.pose_monitor.height_m(self._floor_m))
         self._sunk_s, self._descended_s = (now_s + duration_s for duration_s in descents_s)

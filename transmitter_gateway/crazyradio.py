@@ -12,7 +12,7 @@ from typing import Final
 
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.radios import crazyradio as usb
-from rcopterx.radios.crtp import RadioAddress, joined, separated
+from rcopterx.radios.crtp import EMERGENCY_STOP, RadioAddress, joined, separated
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 
 RETRY_S: Final = 0.3
@@ -20,6 +20,7 @@ SERVICE_S: Final = 0.02
 MOST_ANSWERS: Final = 64
 PACKETS_PER_S: Final = 60
 """What each vehicle needs in flight: 50 set points, and two requests with every tenth of them."""
+STOP: Final = EMERGENCY_STOP.to_bytes()
 TIMED: Final = 200  # newest packets whose duration is averaged
 
 
@@ -186,13 +187,15 @@ class CrazyradioPort(Port):
         return self.is_open
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:  # noqa: ARG002 - the interface gives it
-        """Hand the packets of a frame to the dongle, unless those of the last one still wait."""
+        """Hand a frame to the dongle, unless packets of the last one still wait; a stop replaces these."""
         with self._lock:
             if not self._usable():
                 return WriteOutcome.CLOSED
+            if (packets := separated(frame))[0] == STOP:
+                self._packets.clear()
             if self._packets:
                 return WriteOutcome.BACKLOG
-            self._packets.extend(separated(frame))
+            self._packets.extend(packets)
         self._dongle.notify()
         return WriteOutcome.WRITTEN
 

@@ -72,7 +72,8 @@ def _of_arbiter(state: VehicleState) -> Cause:
     """Cause of a vehicle that its transmitter gateway flies, or whose motors it has cut."""
     words, known = taken_over(state), f"{state.transmitter_state}: {state.reason}"
     remedy = next((what for key, what in _REMEDIES.items() if key in known), "")
-    return Cause(f"{words.text}: {state.reason}", words.level, remedy, state.name)
+    reason = state.reason.removeprefix("landed: ")  # as the words say
+    return Cause(f"{words.text}: {reason}", words.level, remedy, state.name)
 
 
 def _of_remark(remark: str, name: str) -> Cause:

@@ -139,6 +139,26 @@ def test_landing_waits_for_the_floor_and_disarms(fleet: Fleet, vehicles: Vehicle
     assert vehicles["h1"].verbs == ["Land", "Disarm"]
 
 
+@pytest.mark.parametrize("disarms", [False, True])
+def test_a_landing_is_over_once_the_firmware_reports_that_it_is_disarmed(
+    fleet: Fleet, vehicles: Vehicles, disarms: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.FIRMWARE_DISARM_S", 10.0 if disarms else 0.2)
+    put(vehicles, fleet, "flying")
+    vehicles["h2"].armed = True
+    wait_for(lambda: fleet["h2"].state.firmware_armed is True, "not seen armed")
+    later = threading.Timer(0.3, setattr, (vehicles["h2"], "armed", False))
+    if disarms:
+        later.start()
+        fleet.land()
+        assert fleet["h2"].state.firmware_armed is False
+        later.join()
+        return
+    with pytest.raises(NotReachedError, match=r"not all vehicles have disarmed \(.*h2: ground"):
+        fleet.land()
+    assert vehicles["h1"].verbs == vehicles["h2"].verbs == ["Land", "Disarm"]
+
+
 def test_landing_leaves_those_on_the_floor_and_killed_ones_alone(fleet: Fleet, vehicles: Vehicles) -> None:
     put(vehicles, fleet, "flying", ["h1"])
     vehicles["h2"].state = "killed"

@@ -148,7 +148,7 @@ def test_a_vehicle_is_disarmed_until_it_reports_it_but_not_in_a_mode_of_others()
     peer.heartbeat(armed=True)
     assert peer.commands(LOW) == []
     peer.attitude(0.0)
-    assert peer.text == "armed, not by the gateway: mode of a pilot or a failsafe (0)"
+    assert peer.text == "armed in mode of a pilot or a failsafe (0)"
 
 
 def test_a_mode_that_changes_in_flight_is_not_changed_back() -> None:

@@ -1,7 +1,9 @@
 """Promises of the MAVLink driver: readiness, silence and malformed bytes in the reports of an autopilot."""
 
 import math
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -11,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import MavlinkProtocol
-from rcopterx.radios.mavlink_parameters import TRIES
+from rcopterx.radios.mavlink_parameters import RULES, TRIES
 from rcopterx.radios.mavlink_state import HEARTBEAT_GONE_S, REPEATED_S, SILENT_S
 
 
@@ -34,19 +36,40 @@ def test_a_vehicle_is_ready_when_its_autopilot_would_fly(
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words"),
+    ("autopilot", "name", "value", "words"),
     [
-        ("GUID_OPTIONS", 0.0, "GUID_OPTIONS is 0, right is 8, thrust of set points"),
-        ("GUID_TIMEOUT", 3.0, "GUID_TIMEOUT is 3, right is 0.5 s"),
-        ("MAV_GCS_SYSID", 254.0, "MAV_GCS_SYSID is 254, right is 255, own_system"),
-        ("ANGLE_MAX", 2000.0, "ANGLE_MAX is 2000, right is 100 * 30"),
+        (ARDUPILOT, "GUID_OPTIONS", 0.0, "0, right is 8, thrust of set points"),
+        (ARDUPILOT, "GUID_OPTIONS", 7.0, "7, right is 8, thrust of set points"),
+        (ARDUPILOT, "GUID_TIMEOUT", 3.0, "3, right is 0.5 s"),
+        (ARDUPILOT, "GUID_TIMEOUT", 0.1, "0.1, right is 0.5 s"),
+        (ARDUPILOT, "FS_GCS_ENABLE", 0.0, "0, right is 5, land without the gateway"),
+        (ARDUPILOT, "MAV_GCS_SYSID", 254.0, "254, right is 255, own_system"),
+        (ARDUPILOT, "SYSID_MYGCS", 254.0, "254, right is 255, own_system"),
+        (ARDUPILOT, "ATC_ANGLE_MAX", 20.0, "20, right is 30"),
+        (ARDUPILOT, "ANGLE_MAX", 2000.0, "2000, right is 100 * 30"),
+        (PX4, "COM_OF_LOSS_T", 5.0, "5, right is 0.5 s"),
+        (PX4, "COM_OF_LOSS_T", 0.1, "0.1, right is 0.5 s"),
+        (PX4, "MC_YAWRATE_MAX", 100.0, "100, right is 200"),
     ],
 )
-def test_a_parameter_that_forbids_flights_is_named(name: str, value: float, words: str) -> None:
-    peer = Peer(parameters=PARAMETERS | {name: value}, mode="guided")
-    peer.heartbeat(autopilot=ARDUPILOT)
-    assert not peer.ready
-    assert peer.text == f"parameters of the autopilot: {words}"
+def test_a_parameter_that_forbids_flights_is_named(
+    autopilot: int, name: str, value: float, words: str
+) -> None:
+    mode = "offboard" if autopilot == PX4 else "guided"
+    right, wrong = Peer(mode=mode), Peer(parameters=PARAMETERS | {name: value}, mode=mode)
+    for peer in (right, wrong):
+        peer.heartbeat(autopilot=autopilot)
+    assert right.ready
+    assert not wrong.ready
+    assert wrong.text == f"parameters of the autopilot: {name} is {words}"
+
+
+def test_every_parameter_that_is_read_has_a_row_and_the_right_value_on_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "mavlink.md").read_text()
+    rows = [line.split("|")[1:3] for line in page.splitlines() if line.startswith("| `")]
+    named = {name: value for names, value in rows for name in re.findall(r"`(\w+)`", names)}
+    assert {rule.name for rules in RULES.values() for rule in rules} <= named.keys()
+    assert (named["GUID_TIMEOUT"].strip(), named["COM_OF_LOSS_T"].strip()) == ("0.5", "0.5")
 
 
 def test_parameters_are_requested_some_times_and_unknown_ones_are_not_awaited() -> None:

@@ -272,6 +272,21 @@ def test_the_battery_of_its_body_is_measured_ends_its_power_and_is_full_after_a_
     assert vehicle.voltage_v > 3.7
 
 
+def test_the_thrust_does_not_fall_with_the_battery_as_the_firmware_compensates_for_it() -> None:
+    conditions = replace(IDEAL, battery_endurance_s=10.0, battery_sag=0.3)
+    plant = FirstOrderPlant("c1", QUADROTOR, conditions, 0, BodyPose((0.0, 0.0, 5.0)))
+    vehicle = Crazyflie(SETTINGS)
+    vehicle.sense(plant)
+    plant.set_input((0.0, 0.0, HOVER_THRUST, 0.0))
+    plant.advance(9.0)
+    vehicle.sense(plant)
+    assert vehicle.voltage_v < 3.5
+    assert plant.position_m[2] == pytest.approx(5.0, abs=0.01)
+    plant.compensated = False
+    plant.advance(0.5)
+    assert plant.position_m[2] < 4.9, "as any other vehicle"
+
+
 def test_without_its_battery_nothing_runs_and_nothing_answers() -> None:
     vehicle = Crazyflie(SETTINGS)
     flown(vehicle)

@@ -93,7 +93,7 @@ def test_shutdown_descends_then_cuts_whatever_is_commanded() -> None:
     assert (bench.state, bench.reason) == (State.DESCEND, "shutting down")
     assert bench.run(LONGEST_S - 0.02).state is State.DESCEND
     assert bench.run(0.04).state is State.CUT
-    assert bench.reason == "descent over"
+    assert bench.reason == "descent over: shutting down"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Promises of arbiter and firmware together: each state of the arbiter is one of the firmware."""
 
+from collections.abc import Callable
+
 import pytest
 from firmware_bench import FirmwareBench
 
@@ -168,6 +170,39 @@ def test_arming_that_the_firmware_refuses_is_requested_twice_and_the_reason_is_i
     bench.vehicle.supervisor.blocked = False
     bench.request(Action.DISARM)
     bench.fly()
+
+
+def lies(vehicle: Crazyflie) -> None:
+    vehicle.supervisor.force_g = ON_ITS_SIDE_G
+
+
+def crashes(vehicle: Crazyflie) -> None:
+    vehicle.supervisor.crashed = True
+
+
+def locks(vehicle: Crazyflie) -> None:
+    vehicle.supervisor.stops = True
+
+
+@pytest.mark.parametrize(
+    ("happens", "reason"),
+    [
+        (lies, "the vehicle lies on its side: put it upright"),
+        (crashes, "the vehicle has crashed: check it and reset it"),
+        (locks, "the vehicle is locked after a stop: reset it, or switch it off and on"),
+        (Crazyflie.switch_off, "vehicle gone: silent for"),
+    ],
+)
+def test_a_vehicle_that_would_not_fly_is_not_ready_a_second_after_its_firmware_notices_it(
+    bench: Bench, happens: Callable[[Crazyflie], None], reason: str
+) -> None:
+    bench.run(1.5, 0.0)
+    assert bench.module.startswith("ready")
+    happens(bench.vehicle)
+    noticed_s = TILTED_S if happens is lies else 0.0 if bench.vehicle.powered else 0.3
+    bench.run(noticed_s + 1.0, 0.0)
+    assert not bench.request(Action.ARM)
+    assert bench.module.startswith(reason)
 
 
 def test_a_vehicle_that_arms_itself_anew_while_it_stands_stays_ready() -> None:

@@ -4,6 +4,7 @@ import re
 import select
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from threading import Event
 
 import pytest
 from support.radio_addresses import radio_paths
@@ -11,8 +12,8 @@ from support.waiting import FakeClock, wait_for
 
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.radios.crazyradio import IN, OUT, SET_ADDRESS, SET_CHANNEL, SET_RATE
-from rcopterx.radios.crtp import RadioAddress, joined
-from rcopterx.radios.protocol import ProtocolError
+from rcopterx.radios.crtp import EMERGENCY_STOP, RadioAddress, joined
+from rcopterx.radios.protocol import FrameFlags, ProtocolError
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyradio import EmulatedDongle
 from rcopterx.transmitter_gateway.crazyradio import Crazyradio, CrazyradioPort
@@ -36,6 +37,9 @@ class Dongle:
         self.vehicles = {place(path): Crazyflie(CrazyflieSettings()) for path in (FIRST, SECOND)}
         self.queues: dict[object, list[bytes]] = {key: [] for key in self.vehicles}
         self.plugged = True
+        self.held = Event()  # transfers wait while it is not set
+        self.held.set()
+        self.written: list[bytes] = []
         self._answer: list[int] = []
 
     def _check(self) -> None:
@@ -53,6 +57,8 @@ class Dongle:
         self._check()
         assert endpoint == OUT
         assert 1 <= len(data) <= 32
+        self.written.append(data)
+        assert self.held.wait(10.0)
         tuned = (self.tuned[SET_CHANNEL], self.tuned[SET_RATE], self.tuned[SET_ADDRESS])
         vehicle = self.vehicles.get(tuned)
         self._answer = [0x30]
@@ -128,6 +134,22 @@ def test_an_answer_makes_the_port_readable(bench: Bench) -> None:
     assert select.select([descriptor], [], [], 10.0)[0] == [descriptor]
     assert port.read_available(0.0).startswith(b"\x04\x9c\x8c")
     assert not select.select([descriptor], [], [], 0.0)[0]
+
+
+def test_a_kill_does_not_wait_for_the_requests_of_the_frame_before_it(bench: Bench) -> None:
+    port, protocol = bench.port(FIRST), CrazyflieProtocol()
+    wait_for(lambda: bench.opened(port), "the radio")
+    wait_for(lambda: not port.waiting, "the radio")
+    bench.dongle.held.clear()
+    bench.sent(port, joined([b"\xff"]))
+    wait_for(lambda: not port.waiting, "the dongle takes no packet")
+    assert bench.sent(port, protocol.encode(LOW))
+    assert not bench.sent(port, protocol.encode(LOW)), "packets of the last frame wait"
+    bench.dongle.written.clear()
+    assert bench.sent(port, protocol.encode(LOW, FrameFlags(kill=True)))
+    bench.dongle.held.set()
+    wait_for(lambda: not port.waiting, "the radio")
+    assert bench.dongle.written[0] == EMERGENCY_STOP.to_bytes()
 
 
 def test_a_vehicle_out_of_reach_is_counted_and_disturbs_no_other(bench: Bench) -> None:

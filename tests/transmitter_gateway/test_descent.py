@@ -85,4 +85,4 @@ def test_a_vehicle_that_is_seen_again_on_the_floor_after_its_descent_stays_there
     bench.position = (0.0, 0.0, 0.0)
     bench.run(0.1, (0.0, 0.0, U_HOVER, 0.0))
     assert bench.state is State.CUT
-    assert bench.reason == "landed"
+    assert bench.reason == "landed: raw poses: own pose lost for 0.3 s"

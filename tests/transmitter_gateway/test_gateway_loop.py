@@ -97,7 +97,7 @@ def test_shut_down_lands_everybody_and_closes_the_ports(laboratory: Laboratory) 
     laboratory.sinks = True
     laboratory.gateway.shut_down()
     assert laboratory.states() == {State.CUT}
-    assert {laboratory.transmitter(name).arbiter.reason for name in NAMES} == {"landed"}
+    assert {laboratory.transmitter(name).arbiter.reason for name in NAMES} == {"landed: shutting down"}
     for name in NAMES:
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
         assert not laboratory.transmitter(name).port.is_open

@@ -175,7 +175,7 @@ def test_a_flight_ends_with_a_landing_when_the_process_shall_end(program: Progra
 
     program.run_script(script())
     assert program.states() == {State.CUT}
-    assert {program.transmitter(name).arbiter.reason for name in NAMES} == {"landed"}
+    assert {program.transmitter(name).arbiter.reason for name in NAMES} == {"landed: shutting down"}
     assert all(program.throttle_us[name][-25:] == [1100] * 25 for name in NAMES)
     assert ports_are_closed(program)
     assert program.phase is LoopPhase.ENDING

@@ -26,7 +26,7 @@ def seeds(request: pytest.FixtureRequest) -> range:
 
 
 def assert_gentle(flown: Landing, offset_m: float = 0.3, touchdown_m_s: float = 0.6) -> None:
-    assert flown.reason == "landed"
+    assert flown.reason == "landed: commands silent"
     assert State.DESCEND not in flown.states
     assert flown.offset_m < offset_m
     assert flown.touchdown_m_s < touchdown_m_s
@@ -103,13 +103,13 @@ def test_vehicle_that_came_too_close_to_another_one_moves_apart_and_lands(
 def test_vehicle_that_is_lost_on_the_way_comes_down_open_loop() -> None:
     flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: seconds < 1.5))
     assert flown.states[-3:] == (State.LAND, State.DESCEND, State.CUT)
-    assert flown.reason == "descent over"
+    assert flown.reason == "descent over: commands silent"
 
 
 def test_vehicle_that_is_seen_again_lands_gently() -> None:
     flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: not 1.2 < seconds < 1.6))
     assert flown.states[-4:] == (State.LAND, State.DESCEND, State.LAND, State.CUT)
-    assert flown.reason == "landed"
+    assert flown.reason == "landed: commands silent"
     assert flown.touchdown_m_s < 0.6
 
 
@@ -124,7 +124,7 @@ def test_vehicle_that_has_sunk_while_nobody_saw_it_is_believed_and_lands_gently(
             conditions, seed, Options(height_m=1.5, seen=lambda seconds: not 0.0 < seconds < unseen_s)
         )
         assert State.DESCEND in flown.states
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.touchdown_m_s < 0.6
 
 
@@ -139,7 +139,7 @@ def test_vehicle_that_moved_while_the_computer_was_starved_is_believed_and_lands
         flight.fly(0.2, (0.3, 0.3, thrust))
         flight.starve(0.4)
         flown = flight.end_commands()
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: raw poses: own pose lost for 0.3 s"
         assert flown.touchdown_m_s < 0.6
 
 
@@ -153,7 +153,7 @@ def test_vehicle_survives_a_starved_computer_that_repeats_a_low_thrust(
         flight.fly(0.12, (0.0, 0.0, -0.45))
         flight.starve(0.45)
         flown = flight.end_commands()
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: raw poses: own pose lost for 0.3 s"
         assert flown.hardest_m_s < 1.0
 
 
@@ -169,7 +169,7 @@ def test_a_pitch_stick_that_acts_the_wrong_way_round_is_turned_round(
 ) -> None:
     for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_acts=-1.0, push=push))
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.farthest_m < 2.0
         assert flown.offset_m < 1.15
         assert flown.touchdown_m_s < 0.6
@@ -181,7 +181,7 @@ def test_a_quadrotor_whose_pitch_stick_acts_the_wrong_way_round_is_braked(
 ) -> None:
     for seed in seeds:
         flown = landing(LABORATORY, seed, Options(model=QUADROTOR, pitch_acts=-1.0, push=push))
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.farthest_m < 1.5
         assert flown.offset_m < 1.2
         assert flown.touchdown_m_s < 0.6
@@ -196,7 +196,7 @@ def test_a_quadrotor_that_is_fast_is_braked_also_with_a_reversed_pitch_stick(
         assert_gentle(sound, offset_m=0.6)
         assert sound.farthest_m < 1.2
         flown = landing(LABORATORY, seed, Options(model=QUADROTOR, pitch_acts=-1.0, push=(pitch, 0.0, 0.0)))
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.farthest_m < 3.0
         assert flown.touchdown_m_s < 0.6
 
@@ -207,7 +207,7 @@ def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(
 ) -> None:
     for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_acts=0.0, push=(-0.3, 0.0, 0.0)))
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.farthest_m < 3.0
         assert flown.touchdown_m_s < 0.6
 
@@ -221,7 +221,7 @@ def test_a_vehicle_whose_pitch_is_stuck_is_down_before_it_is_cut(
     limits = replace(Options().limits, surveillance=surveillance)
     for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_stuck_at=pitch, limits=limits))
-        assert flown.reason == "landed"
+        assert flown.reason == "landed: commands silent"
         assert flown.touchdown_m_s < 0.6
 
 
@@ -230,7 +230,7 @@ def test_a_vehicle_that_leaves_its_volume_all_the_same_is_cut() -> None:
     options = Options(pitch_acts=0.0, push=(-0.8, 0.0, 0.0), yaw_rad=0.0)
     limits = replace(options.limits, surveillance=replace(options.limits.surveillance, fence=fence))
     flown = landing(HELICOPTER, 0, replace(options, limits=limits))
-    assert flown.reason == "far outside the fence"
+    assert flown.reason.startswith("far outside the fence: ")
     assert State.LAND in flown.states
     assert flown.farthest_m < 2.0
 

@@ -52,7 +52,7 @@ def test_cut_begins_after_the_longest_descent_and_needs_a_new_arming() -> None:
     assert bench.state is State.DESCEND
     silent(bench, 4 * EDGE_S)
     assert bench.state is State.CUT
-    assert bench.reason == "descent over"
+    assert bench.reason == "descent over: commands silent"
     output = bench.run(1.0, HOVER)
     assert (output.state, output.u) == (State.CUT, NEUTRAL)
     assert not bench.arbiter.commanded
@@ -80,7 +80,7 @@ def test_a_command_after_a_long_freeze_cannot_hide_the_freeze() -> None:
 
 @pytest.mark.parametrize(
     ("silence_s", "state", "reason"),
-    [(0.08, State.HOLD, "commands gone"), (1.0, State.DESCEND, "descent over")],
+    [(0.08, State.HOLD, "commands gone"), (1.0, State.DESCEND, "descent over: commands silent")],
 )
 def test_a_freeze_beyond_the_limit_cuts_from_every_flying_state(
     silence_s: float, state: State, reason: str

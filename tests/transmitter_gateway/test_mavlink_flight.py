@@ -24,8 +24,6 @@ from rcopterx.transmitter_gateway.inputs import Action, PoseInput, State
 
 OFFBOARD = MODES["offboard"].reported
 
-OFFBOARD = MODES["offboard"].reported
-
 
 @pytest.fixture
 def bench() -> Bench:
@@ -199,12 +197,44 @@ def test_a_pilot_who_changes_the_mode_keeps_the_vehicle(bench: Bench) -> None:
     assert (bench.vehicle.armed, bench.vehicle.mode) == (True, LOITER)
 
 
+def test_a_battery_failsafe_lands_the_vehicle_and_is_named_with_its_mode_until_the_next_take_off() -> None:
+    bench = Bench(mode="guided_nogps")
+    bench.vehicle.parameters["BATT_FS_LOW_ACT"] = 1.0
+    bench.fly()
+    empties(bench.vehicle, bench.now_s)
+    bench.run(1.2)
+    why = "mode LAND (9): Battery Failsafe"
+    assert (bench.state, bench.vehicle.mode, bench.module) == (State.LAND, LANDING[ARDUPILOT], why)
+    bench.height_m = 0.02
+    while bench.state is not State.CUT:
+        bench.run(0.02)
+    assert bench.vehicle.armed, "it has not detected its landing yet"
+    assert bench.transmitter.arbiter.reason == f"descent over: transmitter not ready: {why}"
+    assert bench.module == f"armed in {why}"
+    bench.vehicle.armed = False
+    bench.run(5.0, 0.0)
+    assert bench.module.startswith(WOULD_REFUSE)
+    assert bench.module.endswith("PreArm: Battery 1 below minimum arming voltage")
+    assert not bench.request(Action.ARM)
+
+
 def test_a_vehicle_that_disarms_itself_in_flight_is_not_armed_again(bench: Bench) -> None:
     bench.fly()
     bench.vehicle.armed = False
     bench.run(3.0)
     assert not bench.vehicle.armed
     assert bench.state is not State.ARMED
+
+
+def test_a_refusal_in_several_packets_is_shown_whole_with_its_cause_and_without_tabs() -> None:
+    bench = Bench()
+    bench.run(2.5, 0.0)
+    assert bench.request(Action.ARM)
+    empties(bench.vehicle, bench.now_s)
+    bench.run(0.5, 0.0)
+    assert not bench.vehicle.armed
+    text = "Critical battery; Arming denied: Resolve system health failures first"
+    assert bench.module == f"ready, 16.80 V, link 100 %; refused: {text}", "of 52 characters, 50 fit in a packet"
 
 
 def test_a_vehicle_that_refuses_to_arm_does_not_take_off_and_says_why() -> None:
@@ -274,7 +304,7 @@ def test_commands_of_someone_else_are_not_obeyed_in_another_mode(bench: Bench) -
     bench.vehicle.armed = True
     bench.run(2.0, 0.0)
     assert bench.vehicle.armed, "armed by someone else, in another mode"
-    assert bench.module == "armed, not by the gateway: mode LOITER (50593792)"
+    assert bench.module == "armed in mode LOITER (50593792)"
     assert not bench.request(Action.ARM)
 
 

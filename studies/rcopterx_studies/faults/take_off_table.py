@@ -31,6 +31,7 @@ BESIDE: Final = {
     "crazyflie": "coaxial",
     "betaflight": "mavlink_quadrotor",
     "mavlink_quadrotor": "betaflight",
+    "ardupilot_quadrotor": "crazyflie",
 }
 """Types, which are the names of their vehicles, and another vehicle for each."""
 ON_FLOOR: Final = "on-floor"
@@ -67,7 +68,7 @@ FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
     "roll-reversed": ("its roll stick acts the wrong way", partial(BreakVehicle, reversed="roll"), STICK),
     "yaw-reversed": ("its yaw stick acts the wrong way", partial(BreakVehicle, reversed="yaw"), STICK),
     "exchanged": ("its pitch and roll sticks are exchanged", partial(BreakVehicle, exchanged=True), STICK),
-    "nose-backwards": ("its object has the nose backwards", TurnPose, STICK),
+    "nose-backwards": ("its object has the nose backwards", TurnPose, STICK + "|heading jumped"),
     "weak": ("it has three tenths of its thrust", partial(BreakVehicle, thrust_factor=0.3), "lift|battery"),
 }
 """What is wrong: in words, as a fault of a vehicle, and the pattern of its cause."""

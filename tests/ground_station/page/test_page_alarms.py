@@ -44,6 +44,14 @@ def test_every_way_of_the_arbiter_to_take_a_vehicle_over_has_a_remedy(row: objec
     assert cause.level == ("amber" if state == "hold" or reason == "landed" else "red")
 
 
+def test_a_vehicle_that_the_arbiter_has_landed_shows_why_on_the_floor() -> None:
+    why = "transmitter not ready: battery empty: below 3 V for 5 s"
+    status = structs.replace(ARMED, state="cut", reason=f"cut: landed: {why}")
+    (cause,) = causes_of(replace(STATE, transmitter=status))
+    assert (cause.text, cause.level) == (f"was landed: {why}", "amber")
+    assert cause.remedy == "charge its battery"
+
+
 def test_a_slow_computer_is_one_sentence_without_names_of_classes() -> None:
     causes = [
         cause

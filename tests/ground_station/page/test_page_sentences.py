@@ -58,7 +58,8 @@ FLYING = [LEADER, follower("h2", 0.021), follower("h3", 0.0324)]
         ([*FLYING[:2], replace(FLYING[2], agent_age_s=1.0)], [], "3 fly, formation within 32 mm", "red"),
         ([phased(one, "emergency", "hold", "raw poses") for one in FLYING], [], "h1, h2, h3 held", "amber"),
         ([*FLYING[:2], phased(FLYING[2], "ground", "cut", "descent over")], [], "h3 motors cut", "red"),
-        ([*FLYING[:2], phased(FLYING[2], "ground", "cut", "landed")], [], "h3 was landed, 2 fly", "amber"),
+        ([*FLYING[:2], phased(FLYING[2], "ground", "cut", "landed: raw poses")], [],
+         "h3 was landed, 2 fly", "amber"),
     ],
 )  # fmt: skip
 def test_the_state_of_a_fleet_is_one_sentence(

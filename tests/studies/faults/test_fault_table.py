@@ -32,7 +32,13 @@ from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
 TYPES = load_fleet(TYPES_FILE)
-TURN_S = {"coaxial": 0.0, "crazyflie": 0.55, "betaflight": 1.1, "mavlink_quadrotor": 0.0}
+TURN_S = {
+    "coaxial": 0.0,
+    "crazyflie": 0.55,
+    "betaflight": 1.1,
+    "mavlink_quadrotor": 0.0,
+    "ardupilot_quadrotor": 0.55,
+}
 ENDINGS = (
     "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "starved", "slow",
     "dies-at-start", "crash-loop",
@@ -45,7 +51,7 @@ def fleet_of(row: FaultFlight) -> FleetFile:
 
 def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> None:
     assert {name: vehicle.type for name, vehicle in TYPES.vehicles.items()} == {name: name for name in BESIDE}
-    assert set(BESIDE) == {"coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"}
+    assert set(BESIDE) == {"coaxial", "crazyflie", "betaflight", "mavlink_quadrotor", "ardupilot_quadrotor"}
     for kind in FAULTS:
         for moment, (_, after_s) in moments_of(kind).items():
             for name in BESIDE:
