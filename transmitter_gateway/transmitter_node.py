@@ -50,18 +50,7 @@ class TransmitterNode:
     def take_commands(self, clock: Callable[[], float]) -> None:
         """Pass some commands to the arbiter, and write accepted ones at once."""
         for received in self._commands.drain(COMMANDS_AT_ONCE):
-            message = received.message
-            command = CommandInput(
-                lease=message.lease,
-                epoch=message.epoch,
-                sequence=message.sequence,
-                frame=message.frame,
-                u=message.input,
-                next_u=message.next_inputs.rows(),
-                period_s=message.period_s,
-                given_up=message.given_up,
-            )
-            now_s = clock()
+            command, now_s = command_input(received.message), clock()
             if self.transmitter.on_command(command, now_s).accepted:
                 self._accepted = received
                 self._tick(now_s)
@@ -159,3 +148,17 @@ class TransmitterNode:
                 pose_problems=tuple(line[:400] for line in arbiter.standing.problems(now_s)),
             ),
         )
+
+
+def command_input(command: Command) -> CommandInput:
+    """Command in the form of the arbiter."""
+    return CommandInput(
+        lease=command.lease,
+        epoch=command.epoch,
+        sequence=command.sequence,
+        frame=command.frame,
+        u=command.input,
+        next_u=command.next_inputs.rows(),
+        period_s=command.period_s,
+        given_up=command.given_up,
+    )
