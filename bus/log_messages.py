@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from msgspec import Meta, Struct
 
-from rcopterx.bus.message import (
-    Clock,
-    Count,
-    Finite,
-    InvalidMessageError,
-    Message,
-    Name,
-    Seconds,
-    Text,
-    Whole,
-)
+from rcopterx.bus import message
+from rcopterx.bus.message import Clock, Count, InvalidMessageError, Message, Name, Seconds, Text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,13 +131,21 @@ class AgentSteps(Message, frozen=True, kw_only=True):
             raise InvalidMessageError(f"overtime: of other steps than these {len(self.times_s)}")
 
 
-Argument = bool | Whole | Finite | Annotated[str, Meta(max_length=4096)] | tuple[Finite, ...] | None
+Argument = (
+    bool
+    | message.Whole
+    | message.Finite
+    | Annotated[str, Meta(max_length=4096)]
+    | tuple[message.Finite, ...]
+    | None
+)
+ArbiterCall = tuple[Name, Name, Clock, tuple[Argument, ...]]
 
 
 class ArbiterCalls(Message, frozen=True, kw_only=True):
-    """Calls of the arbiters of a gateway, in order: with poses and commands, all that a replay needs.
+    """Calls of the arbiters of a gateway: with poses and commands, all that a replay needs.
 
-    One message for all vehicles of a gateway, under the name of the first one.
+    One message for all vehicles of the gateway, under the name of the first one.
     """
 
     MAX_BYTES: ClassVar[int] = 131072
@@ -154,17 +153,8 @@ class ArbiterCalls(Message, frozen=True, kw_only=True):
     began_s: Clock
     """Monotonic clock of the host at the start of the gateway, by which its processes differ."""
     number: Count
-    """Of the first of these calls; counts up from 0 in one process."""
-    calls: tuple[Name, ...]
-    """What is called, or `written` after a frame, with a new `reason` of the state before it."""
-    vehicles: tuple[Name, ...]
-    """Of each call: the vehicle of the arbiter; that of a pose, which every arbiter gets."""
-    times_s: tuple[Clock, ...]
-    """Of each call [monotonic s]."""
-    arguments: tuple[tuple[Argument, ...], ...]
-    """Of each call; epoch and frame of a pose, lease and sequence of a command."""
-
-    def check(self) -> None:
-        """See `Message.check`."""
-        if any(len(column) != len(self.calls) for column in (self.vehicles, self.times_s, self.arguments)):
-            raise InvalidMessageError(f"calls: {len(self.calls)}, other columns differ")
+    """Of the first call; counts up from 0 in one process."""
+    calls: tuple[ArbiterCall, ...]
+    """In order: what is called; the vehicle, for a `pose`, which all arbiters get, that of the pose; the
+    time [monotonic s]; arguments, of a pose epoch and frame, of a `command` lease and sequence. `written` is
+    a frame, `reason` that of the state in frames from now on."""

@@ -3,7 +3,7 @@
 from collections import deque
 from typing import Final
 
-from rcopterx.bus.log_messages import ArbiterCalls, Argument
+from rcopterx.bus.log_messages import ArbiterCall, ArbiterCalls, Argument
 
 MOST_CALLS: Final = 32768  # that wait to be published, some seconds; without a bus the oldest are dropped
 CALLS_PER_MESSAGE: Final = 1024
@@ -14,7 +14,7 @@ class Journal:
 
     def __init__(self, began_s: float = 0.0) -> None:
         self._began_s = began_s
-        self._calls: deque[tuple[str, str, float, tuple[Argument, ...]]] = deque(maxlen=MOST_CALLS)
+        self._calls: deque[ArbiterCall] = deque(maxlen=MOST_CALLS)
         self._number = 0  # of the next call
         self._newest: dict[tuple[str, str], tuple[Argument, ...]] = {}
 
@@ -34,13 +34,5 @@ class Journal:
         if not self._calls:
             return None
         number = self._number - len(self._calls)
-        taken = [self._calls.popleft() for _ in range(min(len(self._calls), CALLS_PER_MESSAGE))]
-        calls, vehicles, times_s, arguments = zip(*taken, strict=True)
-        return ArbiterCalls(
-            began_s=self._began_s,
-            number=number,
-            calls=calls,
-            vehicles=vehicles,
-            times_s=times_s,
-            arguments=arguments,
-        )
+        calls = [self._calls.popleft() for _ in range(min(len(self._calls), CALLS_PER_MESSAGE))]
+        return ArbiterCalls(began_s=self._began_s, number=number, calls=tuple(calls))

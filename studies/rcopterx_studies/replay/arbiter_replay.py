@@ -101,10 +101,9 @@ def replay_arbiter(recorded: RecordedArbiters, fleet: FleetFile) -> ArbiterCompa
             if message.number != number:
                 result.notes.append(f"{message.number - number} calls after number {number} are missing")
             number = message.number + len(message.calls)
-            columns = (message.calls, message.vehicles, message.times_s, message.arguments)
-            for call in zip(*columns, strict=True):
+            for call in message.calls:
                 life.repeat(*call)
-        result.flown_s += messages[-1].times_s[-1] - messages[0].times_s[0]
+        result.flown_s += messages[-1].calls[-1][2] - messages[0].calls[0][2]
     if silent := sum(map(len, recorded.applied.values())):
         result.unmatched += silent
         result.notes.append(f"{silent} frames without calls: those before the recording or a death")
@@ -189,5 +188,5 @@ class _Life:
             detail = f"{now} in place of {before}"
             if result.missing_inputs:
                 detail = f"{result.missing_inputs} inputs so far are not in the flight log: {detail}"
-            began_s = next(iter(self._recorded.lives.values()))[0].times_s[0]
+            began_s = next(iter(self._recorded.lives.values()))[0].calls[0][2]
             result.first = Difference(now_s - began_s, then.frame, differing[0], detail)
