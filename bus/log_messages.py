@@ -148,7 +148,7 @@ class ArbiterCalls(Message, frozen=True, kw_only=True):
     One message for all vehicles of the gateway, under the name of the first one.
     """
 
-    MAX_BYTES: ClassVar[int] = 131072
+    MAX_BYTES: ClassVar[int] = 65_000
 
     began_s: Clock
     """Monotonic clock of the host at the start of the gateway, by which its processes differ."""

@@ -6,7 +6,7 @@ from typing import Final
 from rcopterx.bus.log_messages import ArbiterCall, ArbiterCalls, Argument
 
 MOST_CALLS: Final = 32768  # that wait to be published, some seconds; without a bus the oldest are dropped
-CALLS_PER_MESSAGE: Final = 1024
+CALLS_PER_MESSAGE: Final = 256
 
 
 class Journal:
@@ -29,10 +29,8 @@ class Journal:
             self._newest[call, vehicle] = arguments
             self.note(call, vehicle, now_s, *arguments)
 
-    def take(self) -> ArbiterCalls | None:
-        """Remove and return calls, the oldest first; None if there are none."""
-        if not self._calls:
-            return None
+    def take(self) -> ArbiterCalls:
+        """Remove and return some calls, the oldest first, or none if there are none."""
         number = self._number - len(self._calls)
         calls = [self._calls.popleft() for _ in range(min(len(self._calls), CALLS_PER_MESSAGE))]
         return ArbiterCalls(began_s=self._began_s, number=number, calls=tuple(calls))

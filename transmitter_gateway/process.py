@@ -100,8 +100,8 @@ class Gateway:
             self._report_due_s = now_s + STATUS_PERIOD_S
             for node in self.nodes.values():
                 node.report(now_s)
-            while (calls := self._radios.journal.take()) is not None:
-                self._session.publish(channels.ARBITER_CALLS, next(iter(self.nodes)), calls)
+            while (taken := self._radios.journal.take()).calls:
+                self._session.publish(channels.ARBITER_CALLS, next(iter(self.nodes)), taken)
 
 
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:

@@ -85,7 +85,7 @@ class Radios:
         deadlines_s = [due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
         ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}
         descriptors = [port for port in ports if port is not None]
-        turn_s = COMMANDED_TURN_S if all(each.commanded for each in transmitters) else TURN_S
+        turn_s = COMMANDED_TURN_S if all(each.output.commanded for each in transmitters) else TURN_S
         timeout_s = min(turn_s, min(deadlines_s) - self._clock())
         sources = [self._wakeup.event, *descriptors, *self._keys.descriptors]
         for descriptor in self._wakeup.wait(timeout_s, sources):

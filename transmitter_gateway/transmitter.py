@@ -91,11 +91,6 @@ class Transmitter:
                 self.protocol.pose_seen(pose.position_m, pose.yaw_rad, standing=standing)
             self._decide_at_once()
 
-    @property
-    def commanded(self) -> bool:
-        """Whether a command that is not late flies the vehicle."""
-        return self.output.cause is not None and not self.output.bridging_step
-
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
         if data := self.port.read_available(now_s):
@@ -279,14 +274,15 @@ class Transmitter:
 
     def _advance(self, now_s: float) -> Write | None:
         """Serve the port, step the arbiter, and write a frame if one is due."""
+        over = None
         if self.port.service(now_s):
             self._binding.link_opened(now_s)
-            if self.arbiter.state in FLYING:
-                self._judge_flight(now_s)
+            over = self._flight_over(now_s) if self.arbiter.state in FLYING else None
             self._open_link(now_s)
             self._pending = True
-        self._judge_link(now_s)
-        before, self.output = self.output, self._step(now_s)
+        self._judge_link(now_s, over)
+        self._journal.note("step", self.vehicle, now_s)
+        before, self.output = self.output, self.arbiter.step(now_s)
         changed = before.state is not self.output.state
         self._pending = self._pending or changed or self.output.bridging_step > before.bridging_step
         if self.port.is_open and now_s >= self._due_s():
@@ -355,35 +351,25 @@ class Transmitter:
         open_link = self.protocol.link_resumed if self._ready else self.protocol.link_opened
         open_link(now_s)
 
-    def _judge_flight(self, now_s: float) -> None:
-        """End a flight whose port has returned as that of an earlier process is refused, or go on."""
+    def _flight_over(self, now_s: float) -> str | None:
+        """Why a flight whose port has returned ends, as that of an earlier process is refused, if it does."""
         track = self.arbiter.pose_monitor.own_track
         problem = take_over_problem(self._applied(), track, self.arbiter.limits, now_s)
+        self._ready = self._ready and problem is None
         if problem is None:
             self.arbiter.counters["flights continued after the port was away"] += 1
             self._returned_s = now_s
-        else:
-            self._ready = False
-            self._pass_link(LinkState.LOST, problem, now_s)
-            self._step(now_s)
-
-    def _pass_link(self, link: LinkState, problem: str | None, now_s: float) -> None:
-        self._journal.note_change("link", self.vehicle, now_s, link.value, problem)
-        self.arbiter.link(link, problem)
-
-    def _step(self, now_s: float) -> ArbiterOutput:
-        self._journal.note("step", self.vehicle, now_s)
-        return self.arbiter.step(now_s)
+        return problem
 
     @property
     def _on_floor(self) -> bool:
         return seen_on_floor(self.arbiter.pose_monitor.own_track, self.arbiter.limits)
 
-    def _judge_link(self, now_s: float) -> None:
-        """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""
+    def _judge_link(self, now_s: float, problem: str | None = None) -> None:
+        """Judge the way to the vehicle, lost with a problem; a flight goes on with its port briefly away."""
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
-        flying, problem = self.arbiter.state in FLYING, None
+        flying = self.arbiter.state in FLYING
         voltage_v = self.protocol.voltage_v(now_s)
         self.battery.observe(voltage_v, now_s, there=module.ready, flying=flying, u=self.output.u)
         if not flying:
@@ -396,7 +382,8 @@ class Transmitter:
         self._ready = link is LinkState.READY
         if link is LinkState.UP and not self.busy(now_s):
             problem = self._text(module, now_s)
-        self._pass_link(link, problem, now_s)
+        self._journal.note_change("link", self.vehicle, now_s, link.value, problem)
+        self.arbiter.link(link, problem)
 
     def _text(self, module: ModuleStatus, now_s: float) -> str:
         """State of the module, or the problem of its port, for people."""
@@ -408,8 +395,3 @@ class Transmitter:
             return "waiting until the receiver has found the radio"
         weak = self.battery.problem(flying=self.arbiter.state in FLYING)
         return weak or self.port.overload or module.text
-
-    def counters(self) -> dict[str, int]:
-        """Counters of arbiter, port and protocol by name."""
-        counters = (self.arbiter.counters, self.port.counters, self.protocol.counters)
-        return {str(name): count for each in counters for name, count in each.items()}

@@ -102,7 +102,7 @@ class TransmitterNode:
 
     def _applied(self, write: Write) -> Applied:
         cause = write.output.cause or NO_CAUSE
-        fresh = cause not in (NO_CAUSE, self._written_cause) and not write.output.bridging_step
+        fresh = write.output.commanded and cause != self._written_cause
         self._written_cause = cause
         accepted = self._accepted if fresh else None
         return Applied(
@@ -127,6 +127,7 @@ class TransmitterNode:
         self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
         accepted, track = self._accepted, arbiter.pose_monitor.own_track
+        counters = arbiter.counters, transmitter.port.counters, transmitter.protocol.counters
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
@@ -142,7 +143,7 @@ class TransmitterNode:
                 command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
                 pose_age_s=None if track is None else max(0.0, now_s - track.arrived_s),
                 bridging=transmitter.output.bridging_step > 0,
-                counters=transmitter.counters(),
+                counters={str(name): count for each in counters for name, count in each.items()},
                 rejected=rejected,
                 realtime=self._realtime,
                 pose_problems=tuple(line[:400] for line in arbiter.standing.problems(now_s)),

@@ -118,7 +118,7 @@ def replay(
     ] = None,
     transmitter: Annotated[
         str | None,
-        Option(metavar="VEHICLE", help="Repeat the calls of this vehicle's arbiter, and compare its frames."),
+        Option(metavar="VEHICLE", help="Make the calls of its arbiter again, and compare its frames."),
     ] = None,
     changes: Annotated[
         list[str] | None,
@@ -141,8 +141,8 @@ def replay(
         raise typer.BadParameter("needs --agent", param_hint="--with")
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
-    option = "--agent" if transmitter is None else "--transmitter"
-    study: Any = None if agent is None and transmitter is None else added("flights", f"replay {option}")
+    option = "--agent" if agent is not None else "--transmitter" if transmitter is not None else ""
+    study: Any = added("flights", f"replay {option}") if option else None
     found = _flight(flight)
     _warned(found)
     if transmitter is not None:

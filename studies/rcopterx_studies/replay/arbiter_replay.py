@@ -17,22 +17,13 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage
+from rcopterx.transmitter_gateway import inputs
 from rcopterx.transmitter_gateway.arbiter import Arbiter
-from rcopterx.transmitter_gateway.inputs import (
-    NAMES,
-    Action,
-    ActionRequest,
-    ArbiterOutput,
-    CommandInput,
-    LastApplied,
-    LinkState,
-    PoseInput,
-)
 from rcopterx.transmitter_gateway.process import pose_input
 from rcopterx.transmitter_gateway.transmitter_node import NO_CAUSE, command_input
 from rcopterx_studies.replay.agent_replay import Difference
 
-T = TypeVar("T", PoseInput, CommandInput)
+T = TypeVar("T", inputs.PoseInput, inputs.CommandInput)
 Inputs = dict[tuple[str, int, int], deque[T]]  # by vehicle, and epoch and frame or lease and sequence
 
 
@@ -46,16 +37,16 @@ class RecordedArbiters:
         self.vehicle, self.fleet = vehicle, fleet
         self.served = fleet.served_by(fleet.vehicles[vehicle].transmitter.gateway)
         self.lives: dict[float, list[ArbiterCalls]] = defaultdict(list)  # processes of the gateway
-        self.poses: Inputs[PoseInput] = defaultdict(deque)
-        self.commands: Inputs[CommandInput] = defaultdict(deque)
+        self.poses: Inputs[inputs.PoseInput] = defaultdict(deque)
+        self.commands: Inputs[inputs.CommandInput] = defaultdict(deque)
         self.applied: dict[float, deque[Applied]] = defaultdict(deque)  # by the time of writing
-        wanted: set[tuple[str, channels.Channel[Any]]] = {
-            (self.served[0], channels.ARBITER_CALLS),
-            (vehicle, channels.APPLIED),
+        units: dict[channels.Channel[Any], Iterable[str]] = {
+            channels.ARBITER_CALLS: self.served[:1],
+            channels.APPLIED: [vehicle],
+            channels.COMMAND: self.served,
+            channels.POSE: fleet.vehicles,
         }
-        wanted |= {(name, channels.COMMAND) for name in self.served}
-        wanted |= {(name, channels.POSE) for name in fleet.vehicles}
-        kinds = {f"{unit}/{channel.topic}": channel.message for unit, channel in wanted}
+        kinds = {f"{unit}/{row.topic}": row.message for row, names in units.items() for unit in names}
         for topic, payload, *_ in messages:
             if topic in kinds:
                 try:
@@ -95,8 +86,7 @@ def replay_arbiter(recorded: RecordedArbiters, fleet: FleetFile) -> ArbiterCompa
     """Call the arbiters of a fleet file as the recorded ones; what `recorded` holds is used up."""
     result = ArbiterComparison(recorded.vehicle)
     for messages in recorded.lives.values():
-        life = _Life(recorded, fleet, result)
-        number = 0
+        life, number = _Life(recorded, fleet, result), 0
         for message in messages:
             if message.number != number:
                 result.notes.append(f"{message.number - number} calls after number {number} are missing")
@@ -120,47 +110,42 @@ class _Life:
             calibration = calibration_of(fleet, name)
             hover, slew_per_s = calibration.throttle.u_hover, calibration.slew_per_s
             self._arbiters[name] = Arbiter(name, limits_of(fleet, name), hover, slew_per_s)
-        self._outputs: dict[str, ArbiterOutput] = {}
+        self._outputs: dict[str, inputs.ArbiterOutput] = {}
         self._reason = ""  # recorded reason of the vehicle's state
 
     def repeat(self, call: str, vehicle: str, now_s: float, arguments: tuple[Any, ...]) -> None:
         """Repeat a call; see `ArbiterCalls`."""
         recorded, arbiter = self._recorded, self._arbiters.get(vehicle)
-        if call == "pose":
-            if (pose := self._input(recorded.poses, vehicle, arguments)) is not None:
-                explained_m = math.inf if arbiter is None else arbiter.lift_off.explained_m
-                for each in self._arbiters.values():
-                    each.pose(pose, now_s, explained_m)
-        elif arbiter is not None:
-            match call:
-                case "command":
-                    if (command := self._input(recorded.commands, vehicle, arguments)) is not None:
-                        arbiter.command(command, now_s)
-                case "step":
-                    self._outputs[vehicle] = arbiter.step(now_s)
-                case "bid":
-                    agent, take_over, _ = arguments
-                    arbiter.bid(agent, now_s, take_over=take_over)
-                case "link":
-                    state, problem = arguments
-                    arbiter.link(LinkState(state), problem)
-                case "request":
-                    action, by = arguments
-                    arbiter.request(ActionRequest(Action(action), by), now_s)
-                case "resume":
-                    commanding, issued = arguments
-                    arbiter.leases.resume(commanding, issued, now_s)
-                case "take_over":
-                    arbiter.take_over(msgspec.convert(arguments, LastApplied), now_s)
-                case "reason" if vehicle == recorded.vehicle:
-                    (self._reason,) = arguments
-                case "written" if vehicle == recorded.vehicle:
-                    self._compare(arbiter, now_s)
+        match call, arbiter, arguments:
+            case "pose", _, _:
+                if (pose := self._input(recorded.poses, vehicle, arguments)) is not None:
+                    explained_m = math.inf if arbiter is None else arbiter.lift_off.explained_m
+                    for each in self._arbiters.values():
+                        each.pose(pose, now_s, explained_m)
+            case "command", Arbiter(), _:
+                if (command := self._input(recorded.commands, vehicle, arguments)) is not None:
+                    arbiter.command(command, now_s)
+            case "step", Arbiter(), _:
+                self._outputs[vehicle] = arbiter.step(now_s)
+            case "bid", Arbiter(), (agent, take_over, _):
+                arbiter.bid(agent, now_s, take_over=take_over)
+            case "link", Arbiter(), (state, problem):
+                arbiter.link(inputs.LinkState(state), problem)
+            case "request", Arbiter(), (action, by):
+                arbiter.request(inputs.ActionRequest(inputs.Action(action), by), now_s)
+            case "resume", Arbiter(), (commanding, issued):
+                arbiter.leases.resume(commanding, issued, now_s)
+            case "take_over", Arbiter(), _:
+                arbiter.take_over(msgspec.convert(arguments, inputs.LastApplied), now_s)
+            case "reason", _, (reason,) if vehicle == recorded.vehicle:
+                self._reason = reason
+            case "written", Arbiter(), _ if vehicle == recorded.vehicle:
+                self._compare(arbiter, now_s)
 
-    def _input(self, inputs: Inputs[T], vehicle: str, reference: tuple[Any, ...]) -> T | None:
+    def _input(self, found: Inputs[T], vehicle: str, reference: tuple[Any, ...]) -> T | None:
         """Next pose or command with a reference; the last one stays, as a message can arrive twice."""
-        if found := inputs.get((vehicle, *reference)):
-            return found.popleft() if len(found) > 1 else found[0]
+        if alike := found.get((vehicle, *reference)):
+            return alike.popleft() if len(alike) > 1 else alike[0]
         self._result.missing_inputs += 1
         return None
 
@@ -171,21 +156,18 @@ class _Life:
             result.unmatched += 1
             return
         then, cause = written.popleft(), output.cause or NO_CAUSE
-        result.frames += 1
+        command = (arbiter.leases.commanding, cause.epoch, cause.frame, cause.sequence)
         pairs = {
-            "state": (NAMES[output.state], then.state),
+            "state": (inputs.NAMES[output.state], then.state),
             "reason": (arbiter.reason, self._reason),
-            "command": (
-                (arbiter.leases.commanding, cause.epoch, cause.frame, cause.sequence),
-                (then.lease, then.epoch, then.frame, then.sequence),
-            ),
+            "command": (command, (then.lease, then.epoch, then.frame, then.sequence)),
             "input": (output.u, then.input),
         }
         differing = [name for name, (now, before) in pairs.items() if now != before]
+        result.frames += 1
         result.identical += not differing
         if differing and result.first is None:
-            now, before = pairs[differing[0]]
-            detail = f"{now} in place of {before}"
+            detail = "{} in place of {}".format(*pairs[differing[0]])
             if result.missing_inputs:
                 detail = f"{result.missing_inputs} inputs so far are not in the flight log: {detail}"
             began_s = next(iter(self._recorded.lives.values()))[0].calls[0][2]
