@@ -18,7 +18,7 @@ from rcopterx.flights.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"  # wall clock of arrival at the recorder, seconds since 1970
 PLACES: Final = ("x_m", "y_m", "z_m", "yaw_rad")  # first columns of a trajectory
-FOR_REPLAYS: Final = (channels.AGENT_STEPS.topic, channels.ARBITER_CALLS.topic)
+FOR_REPLAYS: Final = (channels.AGENT_STEPS.topic, channels.CALLS.topic)
 LONGEST_LIST: Final = 32  # longer lists are not columns of a table
 
 

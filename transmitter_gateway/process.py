@@ -101,7 +101,7 @@ class Gateway:
             for node in self.nodes.values():
                 node.report(now_s)
             while (taken := self._radios.journal.take()).calls:
-                self._session.publish(channels.ARBITER_CALLS, next(iter(self.nodes)), taken)
+                self._session.publish(channels.CALLS, next(iter(self.nodes)), taken)
 
 
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:

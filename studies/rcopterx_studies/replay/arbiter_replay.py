@@ -41,7 +41,7 @@ class RecordedArbiters:
         self.commands: Inputs[inputs.CommandInput] = defaultdict(deque)
         self.applied: dict[float, deque[Applied]] = defaultdict(deque)  # by the time of writing
         units: dict[channels.Channel[Any], Iterable[str]] = {
-            channels.ARBITER_CALLS: self.served[:1],
+            channels.CALLS: self.served[:1],
             channels.APPLIED: [vehicle],
             channels.COMMAND: self.served,
             channels.POSE: fleet.vehicles,
