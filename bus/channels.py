@@ -74,12 +74,12 @@ ANSWERED: Final = Channel(
 )
 LAUNCHER_EVENT: Final = Channel("event", log_messages.LauncherEvent, "host", "launcher", 0, 1.0, DATA_LOW)
 AGENT_STEPS: Final = Channel("steps", log_messages.AgentSteps, "vehicle", "agent", 50, 0.5, DATA_LOW)
+CALLS: Final = Channel("calls", log_messages.ArbiterCalls, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW)
 RECORDER: Final = Channel("recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW)
 
 FIXED_UNITS: Final = (TRACKER_UNIT, SIMULATOR_UNIT, FLEET_UNIT)
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
     POSE, PLAN, SCHEME, COMMAND, LEASE_BID, LEASE, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS,
-    INTENT,
-    TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED,
-    LAUNCHER_EVENT, RECORDER, AGENT_STEPS,
+    INTENT, TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED,
+    LAUNCHER_EVENT, RECORDER, AGENT_STEPS, CALLS,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

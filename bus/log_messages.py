@@ -1,4 +1,4 @@
-"""Messages for flight logs: answered requests, events of launchers, steps of agents, recorder state."""
+"""Messages for flight logs: requests, events of launchers, steps of agents, calls of arbiters, recorder."""
 
 import struct
 import zlib
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from msgspec import Meta, Struct
 
+from rcopterx.bus import message
 from rcopterx.bus.message import Clock, Count, InvalidMessageError, Message, Name, Seconds, Text
 
 if TYPE_CHECKING:
@@ -128,3 +129,32 @@ class AgentSteps(Message, frozen=True, kw_only=True):
             raise InvalidMessageError("keys: not as many inputs as the steps took in")
         if any(step >= len(self.times_s) for step, *_ in self.overtime):
             raise InvalidMessageError(f"overtime: of other steps than these {len(self.times_s)}")
+
+
+Argument = (
+    bool
+    | message.Whole
+    | message.Finite
+    | Annotated[str, Meta(max_length=4096)]
+    | tuple[message.Finite, ...]
+    | None
+)
+ArbiterCall = tuple[Name, Name, Clock, tuple[Argument, ...]]
+
+
+class ArbiterCalls(Message, frozen=True, kw_only=True):
+    """Calls of the arbiters of a gateway: with poses and commands, all that a replay needs.
+
+    One message for all vehicles of the gateway, under the name of the first one.
+    """
+
+    MAX_BYTES: ClassVar[int] = 65_000
+
+    began_s: Clock
+    """Monotonic clock of the host at the start of the gateway, by which its processes differ."""
+    number: Count
+    """Of the first call; counts up from 0 in one process."""
+    calls: tuple[ArbiterCall, ...]
+    """In order: what is called; the vehicle, for a `pose`, which all arbiters get, that of the pose; the
+    time [monotonic s]; arguments, of a pose epoch and frame, of a `command` lease and sequence. `written` is
+    a frame, `reason` that of the state in frames from now on."""

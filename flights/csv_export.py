@@ -18,6 +18,7 @@ from rcopterx.flights.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"  # wall clock of arrival at the recorder, seconds since 1970
 PLACES: Final = ("x_m", "y_m", "z_m", "yaw_rad")  # first columns of a trajectory
+FOR_REPLAYS: Final = (channels.AGENT_STEPS.topic, channels.CALLS.topic)
 LONGEST_LIST: Final = 32  # longer lists are not columns of a table
 
 
@@ -54,7 +55,7 @@ def _table_messages(parts: Sequence[Path]) -> Iterator[LoggedMessage]:
     """Yield the messages of a flight in order, without those that only replays need."""
     for path in parts:
         for message in messages_of(path):
-            if message.topic.rpartition("/")[2] != channels.AGENT_STEPS.topic:
+            if message.topic.rpartition("/")[2] not in FOR_REPLAYS:
                 yield message
 
 

@@ -136,3 +136,8 @@ class ArbiterOutput(Struct, frozen=True):
     u: Input = NEUTRAL
     bridging_step: int = 0  # number of the planned input played because commands are late, else 0
     cause: Cause | None = None  # command behind `u`, None when it comes from the arbiter alone
+
+    @property
+    def commanded(self) -> bool:
+        """Whether a command that is not late is behind it."""
+        return self.cause is not None and not self.bridging_step

@@ -51,6 +51,7 @@ class Gateway:
         for pose, arrived_s in self._new_poses():
             # Whether the rotors of vehicles at other gateways turn is not known here.
             own = self.nodes.get(pose.vehicle)
+            self._radios.journal.note("pose", pose.vehicle, arrived_s, pose.epoch, pose.frame)
             explained_m = math.inf if own is None else own.transmitter.arbiter.lift_off.explained_m
             for node in self.nodes.values():
                 node.transmitter.on_pose(pose, arrived_s, explained_m)
@@ -77,6 +78,8 @@ class Gateway:
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
             self.step()
+        self._report_due_s = -math.inf
+        self._report()
         self._radios.close()
 
     def bring_down(self) -> None:
@@ -97,6 +100,8 @@ class Gateway:
             self._report_due_s = now_s + STATUS_PERIOD_S
             for node in self.nodes.values():
                 node.report(now_s)
+            while (taken := self._radios.journal.take()).calls:
+                self._session.publish(channels.CALLS, next(iter(self.nodes)), taken)
 
 
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:

@@ -13,6 +13,7 @@ from rcopterx.bus.wakeup import Wakeup
 from rcopterx.radios.crazyradio import RADIO, UsbDevice, find_dongle
 from rcopterx.radios.udp import UDP
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
+from rcopterx.transmitter_gateway.journal import Journal
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
 from rcopterx.transmitter_gateway.serial_port import SerialPort
@@ -66,9 +67,11 @@ class Radios:
         clock: Callable[[], float],
     ) -> None:
         self._wakeup, self._keys, self._caught, self._heartbeat = wakeup, keys, caught, heartbeat
-        self._clock = clock
+        self._clock, self.journal = clock, Journal(clock())
         self.transmitters = {
-            each.vehicle: Transmitter(each, port_for(each, settings.bus.clock, settings.dongles))
+            each.vehicle: Transmitter(
+                each, port_for(each, settings.bus.clock, settings.dongles), self.journal
+            )
             for each in settings.transmitters
         }
         self._pages = {name: _page(settings.states / name) for name in self.transmitters}
@@ -82,7 +85,7 @@ class Radios:
         deadlines_s = [due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
         ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}
         descriptors = [port for port in ports if port is not None]
-        turn_s = COMMANDED_TURN_S if all(each.commanded for each in transmitters) else TURN_S
+        turn_s = COMMANDED_TURN_S if all(each.output.commanded for each in transmitters) else TURN_S
         timeout_s = min(turn_s, min(deadlines_s) - self._clock())
         sources = [self._wakeup.event, *descriptors, *self._keys.descriptors]
         for descriptor in self._wakeup.wait(timeout_s, sources):

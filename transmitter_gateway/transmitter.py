@@ -28,6 +28,7 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
+from rcopterx.transmitter_gateway.journal import Journal
 from rcopterx.transmitter_gateway.port import Port, Write, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage
@@ -48,10 +49,10 @@ class Transmitter:
     requested and the radio has none.
     """
 
-    def __init__(self, settings: TransmitterSettings, port: Port) -> None:
+    def __init__(self, settings: TransmitterSettings, port: Port, journal: Journal | None = None) -> None:
         calibration, protocol = settings.calibration, settings.protocol
         hover, slew_per_s = calibration.throttle.u_hover, calibration.slew_per_s
-        self.vehicle = settings.vehicle
+        self.vehicle, self._journal = settings.vehicle, journal or Journal()
         self.arbiter = Arbiter(settings.vehicle, settings.limits, hover, slew_per_s)
         self.protocol, self.port = protocol, port
         self._calibration = calibration
@@ -74,6 +75,7 @@ class Transmitter:
 
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; an accepted one is written by the next `tick`, if it flies the vehicle."""
+        self._journal.note("command", self.vehicle, now_s, command.lease, command.sequence)
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
             self._save()
@@ -89,11 +91,6 @@ class Transmitter:
                 self.protocol.pose_seen(pose.position_m, pose.yaw_rad, standing=standing)
             self._decide_at_once()
 
-    @property
-    def commanded(self) -> bool:
-        """Whether a command that is not late flies the vehicle."""
-        return self.output.cause is not None and not self.output.bridging_step
-
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
         if data := self.port.read_available(now_s):
@@ -104,6 +101,7 @@ class Transmitter:
         """Carry out or refuse a request; a shutdown also ends this transmitter, see `finished`."""
         if request.action is Action.SHUTDOWN:
             self._shutdown = True
+        self._journal.note("request", self.vehicle, now_s, request.action, request.by)
         answer = self.arbiter.request(request, now_s)
         if request.action is Action.RESET and request.by in self.arbiter.limits.operators:
             standing = self.arbiter.state in (State.DISARMED, State.CUT)
@@ -118,6 +116,7 @@ class Transmitter:
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
         """Issue a control lease; see `Leases.bid`."""
         number = self.arbiter.bid(agent, now_s, take_over=take_over)
+        self._journal.note("bid", self.vehicle, now_s, agent, take_over, number)
         self._save()
         return number
 
@@ -129,17 +128,18 @@ class Transmitter:
         """
         self._page = page
         last = page.last
+        leases = (0, round(LEASES_PER_S * now_s)) if last is None else (last.lease, last.issued)
+        self._journal.note("resume", self.vehicle, now_s, *leases)
+        self.arbiter.leases.resume(*leases, now_s)
         if last is None:
             self.arbiter.counters["last state unknown"] += 1
-            self.arbiter.leases.resume(0, round(LEASES_PER_S * now_s), now_s)
             self._unknown_until_s = now_s + self.arbiter.limits.take_over_s
             return
-        self.arbiter.leases.resume(last.lease, last.issued, now_s)
         self._written_u, self._written_s = last.u, last.written_s
         self.protocol.watched = last.watched
         self._decide_at_once()
         if last.state is State.KILLED:
-            self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
+            self.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
         elif last.state in FLYING:
             self._last, self._ready = last, last.ready
 
@@ -188,6 +188,7 @@ class Transmitter:
         if self.port.is_open or now_s >= self._too_late_s:
             self._last = None
             self._judge_link(now_s)
+            self._journal.note("take_over", self.vehicle, now_s, *structs.astuple(last))
             self.arbiter.take_over(last, now_s)
 
     def bind(self, now_s: float) -> Answer:
@@ -273,13 +274,14 @@ class Transmitter:
 
     def _advance(self, now_s: float) -> Write | None:
         """Serve the port, step the arbiter, and write a frame if one is due."""
+        over = None
         if self.port.service(now_s):
             self._binding.link_opened(now_s)
-            if self.arbiter.state in FLYING:
-                self._judge_flight(now_s)
+            over = self._flight_over(now_s) if self.arbiter.state in FLYING else None
             self._open_link(now_s)
             self._pending = True
-        self._judge_link(now_s)
+        self._judge_link(now_s, over)
+        self._journal.note("step", self.vehicle, now_s)
         before, self.output = self.output, self.arbiter.step(now_s)
         changed = before.state is not self.output.state
         self._pending = self._pending or changed or self.output.bridging_step > before.bridging_step
@@ -329,6 +331,8 @@ class Transmitter:
             self._written_u, self._written_s = output.u, now_s
             self._arming = arming
             self.protocol.frame_written(now_s)
+            self._journal.note_change("reason", self.vehicle, now_s, self.arbiter.reason)
+            self._journal.note("written", self.vehicle, now_s)
         if self._shutdown and output.state not in FLYING and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
             last = self._low_frames == FAREWELL_FRAME and output.state is not State.KILLED
@@ -347,27 +351,25 @@ class Transmitter:
         open_link = self.protocol.link_resumed if self._ready else self.protocol.link_opened
         open_link(now_s)
 
-    def _judge_flight(self, now_s: float) -> None:
-        """End a flight whose port has returned as that of an earlier process is refused, or go on."""
+    def _flight_over(self, now_s: float) -> str | None:
+        """Why a flight whose port has returned ends, as that of an earlier process is refused, if it does."""
         track = self.arbiter.pose_monitor.own_track
         problem = take_over_problem(self._applied(), track, self.arbiter.limits, now_s)
+        self._ready = self._ready and problem is None
         if problem is None:
             self.arbiter.counters["flights continued after the port was away"] += 1
             self._returned_s = now_s
-        else:
-            self._ready = False
-            self.arbiter.link(LinkState.LOST, problem)
-            self.arbiter.step(now_s)
+        return problem
 
     @property
     def _on_floor(self) -> bool:
         return seen_on_floor(self.arbiter.pose_monitor.own_track, self.arbiter.limits)
 
-    def _judge_link(self, now_s: float) -> None:
-        """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""
+    def _judge_link(self, now_s: float, problem: str | None = None) -> None:
+        """Judge the way to the vehicle, lost with a problem; a flight goes on with its port briefly away."""
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
-        flying, problem = self.arbiter.state in FLYING, None
+        flying = self.arbiter.state in FLYING
         voltage_v = self.protocol.voltage_v(now_s)
         self.battery.observe(voltage_v, now_s, there=module.ready, flying=flying, u=self.output.u)
         if not flying:
@@ -380,6 +382,7 @@ class Transmitter:
         self._ready = link is LinkState.READY
         if link is LinkState.UP and not self.busy(now_s):
             problem = self._text(module, now_s)
+        self._journal.note_change("link", self.vehicle, now_s, link.value, problem)
         self.arbiter.link(link, problem)
 
     def _text(self, module: ModuleStatus, now_s: float) -> str:
@@ -392,8 +395,3 @@ class Transmitter:
             return "waiting until the receiver has found the radio"
         weak = self.battery.problem(flying=self.arbiter.state in FLYING)
         return weak or self.port.overload or module.text
-
-    def counters(self) -> dict[str, int]:
-        """Counters of arbiter, port and protocol by name."""
-        counters = (self.arbiter.counters, self.port.counters, self.protocol.counters)
-        return {str(name): count for each in counters for name, count in each.items()}

@@ -50,18 +50,7 @@ class TransmitterNode:
     def take_commands(self, clock: Callable[[], float]) -> None:
         """Pass some commands to the arbiter, and write accepted ones at once."""
         for received in self._commands.drain(COMMANDS_AT_ONCE):
-            message = received.message
-            command = CommandInput(
-                lease=message.lease,
-                epoch=message.epoch,
-                sequence=message.sequence,
-                frame=message.frame,
-                u=message.input,
-                next_u=message.next_inputs.rows(),
-                period_s=message.period_s,
-                given_up=message.given_up,
-            )
-            now_s = clock()
+            command, now_s = command_input(received.message), clock()
             if self.transmitter.on_command(command, now_s).accepted:
                 self._accepted = received
                 self._tick(now_s)
@@ -113,7 +102,7 @@ class TransmitterNode:
 
     def _applied(self, write: Write) -> Applied:
         cause = write.output.cause or NO_CAUSE
-        fresh = cause not in (NO_CAUSE, self._written_cause) and not write.output.bridging_step
+        fresh = write.output.commanded and cause != self._written_cause
         self._written_cause = cause
         accepted = self._accepted if fresh else None
         return Applied(
@@ -138,6 +127,7 @@ class TransmitterNode:
         self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
         accepted, track = self._accepted, arbiter.pose_monitor.own_track
+        counters = arbiter.counters, transmitter.port.counters, transmitter.protocol.counters
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
@@ -153,9 +143,23 @@ class TransmitterNode:
                 command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
                 pose_age_s=None if track is None else max(0.0, now_s - track.arrived_s),
                 bridging=transmitter.output.bridging_step > 0,
-                counters=transmitter.counters(),
+                counters={str(name): count for each in counters for name, count in each.items()},
                 rejected=rejected,
                 realtime=self._realtime,
                 pose_problems=tuple(line[:400] for line in arbiter.standing.problems(now_s)),
             ),
         )
+
+
+def command_input(command: Command) -> CommandInput:
+    """Command in the form of the arbiter."""
+    return CommandInput(
+        lease=command.lease,
+        epoch=command.epoch,
+        sequence=command.sequence,
+        frame=command.frame,
+        u=command.input,
+        next_u=command.next_inputs.rows(),
+        period_s=command.period_s,
+        given_up=command.given_up,
+    )

@@ -223,6 +223,8 @@ def _type(kind: Any, structure: Callable[[Any], str]) -> str:
             return "anything"
         case types.UnionType():
             return " or ".join(map(text, kind.types))
+        case types.TupleType() if len({text(each) for each in kind.item_types}) > 1:
+            return f"({', '.join(map(text, kind.item_types))})"
         case types.TupleType():
             return f"{len(kind.item_types)} times {text(kind.item_types[0])}"
         case types.VarTupleType() if kind.min_length == kind.max_length is not None:

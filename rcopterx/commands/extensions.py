@@ -1,7 +1,8 @@
 """Commands that installed packages add, by the entry-point group `rcopterx.commands`.
 
 An entry point names a `typer.Typer` of one command or of a group; `flights` and `identify` name modules with
-what `flights --check`, `flights --digest`, `identify --from FILE.csv` and `replay --agent` do.
+what `flights --check`, `flights --digest`, `identify --from FILE.csv`, `replay --agent` and
+`replay --transmitter` do.
 """
 
 from importlib.metadata import EntryPoint, entry_points

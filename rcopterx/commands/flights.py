@@ -116,6 +116,10 @@ def replay(
         str | None,
         Option(metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."),
     ] = None,
+    transmitter: Annotated[
+        str | None,
+        Option(metavar="VEHICLE", help="Make the calls of its arbiter again, and compare its frames."),
+    ] = None,
     changes: Annotated[
         list[str] | None,
         Option(
@@ -127,21 +131,26 @@ def replay(
     speed: Annotated[float, Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")] = 1.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Publish a flight log for status, top and ground, or run an agent on its recorded inputs.
+    """Publish a flight log for status, top and ground, or run an agent or arbiter on its recorded inputs.
 
-    Exit code 1 if the agent does not repeat the flight.
+    Exit code 1 if it does not repeat the flight.
     """
+    if agent is not None and transmitter is not None:
+        raise typer.BadParameter("give one of them", param_hint="--agent, --transmitter")
     if changes and agent is None:
         raise typer.BadParameter("needs --agent", param_hint="--with")
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
-    study: Any = None if agent is None else added("flights", "replay --agent")
+    option = "--agent" if agent is not None else "--transmitter" if transmitter is not None else ""
+    study: Any = added("flights", f"replay {option}") if option else None
     found = _flight(flight)
     _warned(found)
-    if agent is None:
-        _republish(found, speed)
-    else:
+    if transmitter is not None:
+        study.compare_arbiter(found, transmitter, as_json)
+    elif agent is not None:
         study.compare(found, agent, settings_of(changes or (), "--with"), as_json)
+    else:
+        _republish(found, speed)
 
 
 def _republish(flight: "Flight", speed: float) -> None:

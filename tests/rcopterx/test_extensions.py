@@ -33,6 +33,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["import-skybrush", "a.skyc", "a.toml"], "import-skybrush"),
         (["new-plugin", "controller", "mine"], "new-plugin"),
         (["replay", "--agent", "h1"], "replay --agent"),
+        (["replay", "--transmitter", "h1"], "replay --transmitter"),
         (["flights", "--check", "latest"], "flights --check"),
         (["flights", "--digest", "latest"], "flights --digest"),
         (["identify", "h1", "--from", "a.csv", "-f", "trio", "--dry-run"], "identify --from FILE.csv"),

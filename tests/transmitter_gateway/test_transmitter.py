@@ -74,7 +74,7 @@ def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
         assert not bench.transmitter.on_command(bad, bench.now_s).accepted
         bench.exchange()
     assert bench.state is State.CUT
-    assert bench.transmitter.counters()["command not finite"] == 250
+    assert bench.transmitter.arbiter.counters["command not finite"] == 250
 
 
 def test_own_poses_are_judged_by_the_next_tick(bench: Bench) -> None:
@@ -238,7 +238,7 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     assert bench.request(Action.ARM).accepted
 
 
-def test_the_counters_are_those_of_arbiter_port_and_protocol_and_planned_inputs_show(bench: Bench) -> None:
+def test_openings_states_and_frames_are_counted_and_planned_inputs_show(bench: Bench) -> None:
     bench.fly()
     bench.sequence += 1
     rows = ((0.0, 0.0, 0.55, 0.0),) * 5
@@ -247,10 +247,9 @@ def test_the_counters_are_those_of_arbiter_port_and_protocol_and_planned_inputs_
     bench.run(0.07, None)
     assert bench.transmitter.arbiter.reason == "armed: by operator"
     assert bench.transmitter.output.bridging_step > 0
-    counters = bench.transmitter.counters()
-    assert counters["openings"] == 1
-    assert counters["entered ARMED"] == 1
-    assert counters["frames written"] == len(bench.writes)
+    assert bench.port.counters["openings"] == 1
+    assert bench.transmitter.arbiter.counters["entered ARMED"] == 1
+    assert bench.port.counters["frames written"] == len(bench.writes)
 
 
 def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.resources import files
 from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
@@ -53,23 +54,8 @@ class Series:
 def fleet_text(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> str:
     """Fleet file with a number of vehicles, a horizon and a frame rate of the simulated Tracker."""
     room_m = RING_M * _ring(vehicles - 1)[0] + MARGIN_M
-    head = f"""
-name = "scale"
-
-[volume]
-min_m = [{-room_m}, {-room_m}, 0.0]
-max_m = [{room_m}, {room_m}, 2.0]
-
-[tracker]
-address = "127.0.0.1:18801"
-
-[simulator]
-rate_hz = {rate_hz:g}
-
-[defaults.control]
-controller = "cascade"
-horizon = {horizon}
-"""
+    text = (files(__package__) / "fleet.template").read_text("utf-8")
+    head = text.format(low_m=-room_m, high_m=room_m, rate_hz=rate_hz, horizon=horizon)
     return head + "\n".join(_vehicle(number) for number in range(vehicles))
 
 

@@ -1,7 +1,8 @@
-"""What flight logs show of the software: `replay --agent`, `flights --check` and `flights --digest`."""
+"""What flight logs show: `replay --agent`, `replay --transmitter`, `flights --check`, `flights --digest`."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -11,7 +12,8 @@ from rcopterx.commands.output import print_document
 
 if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
-    from rcopterx_studies.replay.agent_replay import Comparison
+    from rcopterx_studies.replay.agent_replay import Comparison, Difference
+    from rcopterx_studies.replay.arbiter_replay import ArbiterComparison
 
 
 def check(flight: "Flight", missing: Sequence[str]) -> None:
@@ -51,6 +53,39 @@ def compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bo
         raise typer.Exit(EXIT_FAILED)
 
 
+def compare_arbiter(flight: "Flight", vehicle: str, as_json: bool) -> None:
+    """Make the recorded calls of the arbiter of a vehicle again, and print how its frames differ."""
+    from rcopterx.flights.mcap_reading import messages_of
+    from rcopterx.ground_station.republishing import fleet_of
+    from rcopterx_studies.replay.arbiter_replay import RecordedArbiters, replay_arbiter
+
+    messages = chain.from_iterable(map(messages_of, flight.parts))
+    recorded = RecordedArbiters(vehicle, fleet_of(flight.parts), messages)
+    result = replay_arbiter(recorded, recorded.fleet)
+    print_document(asdict(result), as_json, lambda _: "\n".join(_arbiter_lines(result)))
+    if result.first is not None or not result.frames:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _arbiter_lines(result: "ArbiterComparison") -> list[str]:
+    return [
+        f"{result.vehicle}: {result.frames} frames in {result.flown_s:.1f} s, "
+        f"{result.identical} the same to the last bit",
+        f"  inputs missing {result.missing_inputs}, frames unmatched {result.unmatched}",
+        *_remarks(result.notes, result.first),
+    ]
+
+
+def _remarks(notes: Sequence[str], first: "Difference | None") -> list[str]:
+    lines = [f"  note: {note}" for note in notes]
+    if first is not None:
+        lines.append(
+            f"  first difference after {first.time_s:.3f} s, frame {first.frame}: "
+            f"{first.cause}: {first.detail}"
+        )
+    return lines
+
+
 def _rule(same: bool, changes: dict[str, Any]) -> str:
     if changes:
         return "flown with " + ", ".join(f"{name}={value}" for name, value in changes.items())
@@ -65,10 +100,4 @@ def _lines(result: "Comparison", rule: str) -> list[str]:
         f"  sticks (pitch, roll, thrust, yaw): rms {rms}; largest {result.largest_input:.3g}",
         f"  plans: largest {result.largest_plan:.3g} m or m/s",
     ]
-    lines += [f"  note: {note}" for note in result.notes]
-    if (first := result.first) is not None:
-        lines.append(
-            f"  first difference after {first.time_s:.3f} s, frame {first.frame}: "
-            f"{first.cause}: {first.detail}"
-        )
-    return lines
+    return lines + _remarks(result.notes, result.first)

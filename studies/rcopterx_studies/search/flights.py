@@ -3,6 +3,7 @@
 import math
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,28 +33,7 @@ AFTER_S: Final = 3.0  # time after the last happening until all land
 PLACES_M: Final = ((0.0, 0.0), (-0.6, 0.6), (-0.6, -0.6), (0.6, 0.6), (0.6, -0.6), (-0.9, 0.0))
 MOST: Final = len(PLACES_M)  # vehicles that have places in the volume
 WEATHER: Final = ("helicopter", "helicopters")
-FILE: Final = """
-name = "searched"
-[hosts.main]
-router_port = 27999
-[bus]
-realtime_priority = 0
-[volume]
-min_m = [-1.6, -1.6, 0.0]
-max_m = [1.6, 1.6, 2.2]
-[tracker]
-address = "127.0.0.1:{port}"
-[simulator]
-lockstep = true
-rate_hz = {rate_hz}
-conditions = "{weather}"
-seed = {seed}
-condition_overrides = {{ battery_endurance_s = 36000.0 }}
-[defaults.control]
-controller = "cascade"
-estimator = "extended_kalman"
-horizon = {horizon}
-"""
+FILE: Final = (files(__package__) / "fleet.template").read_text("utf-8")
 VEHICLE: Final = """
 [vehicles.{name}]
 type = "{type}"
