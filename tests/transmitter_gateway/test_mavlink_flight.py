@@ -234,7 +234,9 @@ def test_a_refusal_in_several_packets_is_shown_whole_with_its_cause_and_without_
     bench.run(0.5, 0.0)
     assert not bench.vehicle.armed
     text = "Critical battery; Arming denied: Resolve system health failures first"
-    assert bench.module == f"ready, 16.80 V, link 100 %; refused: {text}", "of 52 characters, 50 fit in a packet"
+    assert bench.module == f"ready, 16.80 V, link 100 %; refused: {text}", (
+        "of 52 characters, 50 fit in a packet"
+    )
 
 
 def test_a_vehicle_that_refuses_to_arm_does_not_take_off_and_says_why() -> None:
