@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from rcopterx.commands.extensions import STUDIES, added_command, added_commands
 from rcopterx.commands.fleet_option import user_errors
+from rcopterx.commands.options import with_options
 
 _PANELS: Final = tomllib.loads((files("rcopterx.commands") / "commands.toml").read_text("utf-8"))
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
@@ -33,6 +34,8 @@ class _Imported(UserDict[str, Any]):
             single = typer.Typer(add_completion=False)
             single.command(context_settings={"ignore_unknown_options": name in WITH_COORDINATES})(command)
             command = single
+        for one in command.registered_commands:
+            with_options(one.callback)
         found: Any = typer.main.get_command(command)
         found.name, found.rich_help_panel = name, panel
         return found

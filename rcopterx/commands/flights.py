@@ -3,10 +3,9 @@
 import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
-from typer import Argument, Option
 
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.extensions import added
@@ -20,25 +19,8 @@ if TYPE_CHECKING:
 
 MEGA: Final = 1e6
 
-FlightArgument = Annotated[
-    str, Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
-]
 
-
-def flights(
-    as_json: JsonOption = False,
-    check: Annotated[
-        str | None,
-        Option(
-            metavar="FLIGHT",
-            help="Check what always holds in a flight, and that its log is complete; else exit code 1.",
-        ),
-    ] = None,
-    digest: Annotated[
-        str | None,
-        Option(metavar="FLIGHT", help="Print a digest; flights in lockstep that are alike have the same."),
-    ] = None,
-) -> None:
+def flights(as_json: JsonOption = False, check: str | None = None, digest: str | None = None) -> None:
     """List recorded flights, the newest last."""
     if check is not None and digest is not None:
         raise typer.BadParameter("give one of them", param_hint="--check, --digest")
@@ -91,7 +73,7 @@ def _warned(flight: "Flight") -> list[str]:
     return lines
 
 
-def recover(file: Annotated[Path, Argument(metavar="FILE", help="A file of a flight log.")]) -> None:
+def recover(file: Path) -> None:
     """Write a complete file beside a damaged one or one that was cut off.
 
     Exit code 1 if something is missing.
@@ -111,24 +93,11 @@ def recover(file: Annotated[Path, Argument(metavar="FILE", help="A file of a fli
 
 
 def replay(
-    flight: FlightArgument = "latest",
-    agent: Annotated[
-        str | None,
-        Option(metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."),
-    ] = None,
-    transmitter: Annotated[
-        str | None,
-        Option(metavar="VEHICLE", help="Make the calls of its arbiter again, and compare its frames."),
-    ] = None,
-    changes: Annotated[
-        list[str] | None,
-        Option(
-            "--with",
-            metavar="NAME=VALUE",
-            help="Change controller, estimator, horizon or a setting. Repeatable.",
-        ),
-    ] = None,
-    speed: Annotated[float, Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")] = 1.0,
+    flight: str = "latest",
+    agent: str | None = None,
+    transmitter: str | None = None,
+    changes: list[str] | None = None,
+    speed: float = 1.0,
     as_json: JsonOption = False,
 ) -> None:
     """Publish a flight log for status, top and ground, or run an agent or arbiter on its recorded inputs.
@@ -163,15 +132,7 @@ def _republish(flight: "Flight", speed: float) -> None:
         typer.echo(f"{republish(flight.parts, session, speed, interrupts.wait)} messages")
 
 
-def report(
-    flight: FlightArgument = "latest",
-    output: Annotated[Path, Option("--output", "-o", metavar="FILE", help="File to write.")] = Path(
-        "report.html"
-    ),
-    compare: Annotated[
-        str | None, Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
-    ] = None,
-) -> None:
+def report(flight: str = "latest", output: Path = Path("report.html"), compare: str | None = None) -> None:
     """Save the page of a flight as one file that plays it: figures, plots, events, provenance."""
     from rcopterx.ground_station.report.logged_flight import logged_flight
     from rcopterx.ground_station.report.page import report_page
@@ -182,12 +143,7 @@ def report(
     typer.echo(f"report: {output}")
 
 
-def export(
-    flight: FlightArgument = "latest",
-    output: Annotated[
-        Path | None, Option("--output", "-o", metavar="DIR", help="Directory. Default: the flight's name.")
-    ] = None,
-) -> None:
+def export(flight: str = "latest", output: Path | None = None) -> None:
     """Export a flight log as CSV: a file for every unit and channel, with a row for every message."""
     from rcopterx.flights.csv_export import export_csv
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
@@ -78,15 +78,13 @@ def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", In
 
 
 def fly(
-    names: Annotated[list[str] | None, Argument(metavar="NAME", help="Manoeuvres, see --list.")] = None,
+    names: list[str] | None = None,
     fleet: RunningFleetOption = None,
-    start: Annotated[
-        bool, Option("--up", help="Start a fleet first, by default that of the manoeuvre.")
-    ] = False,
-    every: Annotated[bool, Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
+    start: bool = False,
+    every: bool = False,
     report: ReportOption = None,
     as_json: JsonOption = False,
-    show_list: Annotated[bool, Option("--list", help="List the manoeuvres.")] = False,
+    show_list: bool = False,
     record: RecordOption = True,
     speed: SpeedOption = None,
     lockstep: LockstepOption = False,

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 from tempfile import NamedTemporaryFile
-from typing import Annotated
 
 import typer
 
@@ -23,15 +22,7 @@ JOIN_S = 2.0  # longest attempt to join the fleet
 
 
 def ground(
-    port: Annotated[
-        int,
-        typer.Option(
-            metavar="PORT", min=1, max=65535, help="Port of the web page; the next free one if it is in use."
-        ),
-    ] = PORT,
-    watch_only: Annotated[bool, typer.Option("--watch-only", help="Show a page without controls.")] = False,
-    open_browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
-    fleet: RunningFleetOption = None,
+    port: int = PORT, watch_only: bool = False, open_browser: bool = False, fleet: RunningFleetOption = None
 ) -> None:
     """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
     if find_spec("websockets") is None:

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
@@ -25,17 +24,10 @@ if TYPE_CHECKING:
 
 def deploy(
     fleet: FleetArgument,
-    wheel: Annotated[
-        Path,
-        Option(metavar="FILE", exists=True, dir_okay=False, help="Wheel of the software, from make wheel."),
-    ],
-    only: Annotated[
-        list[str] | None, Option("--host", metavar="HOST", help="Only this host. May be repeated.")
-    ] = None,
-    user: Annotated[
-        str | None, Option(metavar="USER", help="User to log in as. Default: that of ssh.")
-    ] = None,
-    dry_run: Annotated[bool, Option("--dry-run", help="Only show what would be done.")] = False,
+    wheel: Path,
+    only: list[str] | None = None,
+    user: str | None = None,
+    dry_run: bool = False,
 ) -> None:
     """Install or update every host over ssh; what is up to date stays as it is.
 
@@ -67,19 +59,7 @@ def deploy(
         raise typer.Exit(EXIT_FAILED)
 
 
-def certs(
-    fleet: FleetArgument,
-    renew: Annotated[bool, Option("--renew", help="Issue all again, with new keys.")] = False,
-    new_authority: Annotated[
-        bool,
-        Option(
-            "--new-authority", help="Replace the authority, too: all earlier certificates become invalid."
-        ),
-    ] = False,
-    days: Annotated[
-        float, Option(metavar="DAYS", min=1, max=36500, help="Validity of the certificates.")
-    ] = 365,
-) -> None:
+def certs(fleet: FleetArgument, renew: bool = False, new_authority: bool = False, days: float = 365) -> None:
     """Make the certificates that a fleet file requires; existing valid ones are kept.
 
     They are in the directory of security.certificates. The key of the authority stays on this computer; each
@@ -96,12 +76,7 @@ def certs(
         typer.echo(line)
 
 
-def doctor(
-    fleet: Annotated[
-        str | None, Argument(metavar="FLEET", help="Default: the fleet that is up, else trio.")
-    ] = None,
-    host: HostOption = None,
-) -> None:
+def doctor(fleet: str | None = None, host: HostOption = None) -> None:
     """Check this computer, and that the fleet, if it is up, refuses what it must refuse.
 
     Exit code 1 if there are findings. It does not disturb a fleet: its messages have no content.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
@@ -27,44 +27,22 @@ REACH_M = 0.4
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 ERRORS = ("horizontal_m", "height_m", "yaw_rad")  # of the parts of a model
-ReachOption = Annotated[
-    float | None,
-    Option(
-        metavar="METRES",
-        min=0.1,
-        max=2,
-        help="Largest distance from the set point. Default: 0.4, with --all as the volume allows.",
-    ),
-]
 ColumnsOption = Annotated[
     Path | None, Option("--columns", metavar="FILE", help="Map of the columns of CSV files (.toml).")
 ]
 
 
 def identify(
-    vehicles: Annotated[list[str] | None, Argument(metavar="[VEHICLE]...")] = None,
-    together: Annotated[
-        bool, Option("--all", help="All vehicles, from and back to their formation.")
-    ] = False,
-    seconds: Annotated[
-        float, Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
-    ] = 60.0,
-    strength: Annotated[
-        float, Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
-    ] = 1.0,
-    reach: ReachOption = None,
-    from_files: Annotated[
-        list[Path] | None,
-        Option(
-            "--from",
-            metavar="FILE",
-            help="Fit a recorded flight: .npz, .csv by --columns or of a Crazyflie; repeatable.",
-        ),
-    ] = None,
+    vehicles: list[str] | None = None,
+    together: bool = False,
+    seconds: float = 60.0,
+    strength: float = 1.0,
+    reach: float | None = None,
+    from_files: list[Path] | None = None,
     columns: ColumnsOption = None,
-    save: Annotated[Path | None, Option(metavar="FILE", help="File for the recording (.npz).")] = None,
+    save: Path | None = None,
     plot: PlotOption = None,
-    dry_run: Annotated[bool, Option("--dry-run", help="Change neither flight nor fleet file.")] = False,
+    dry_run: bool = False,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:

@@ -130,17 +130,9 @@ def show_fleet(
 def up(
     fleet: FleetArgument = DEFAULT_FLEET,
     host: HostOption = None,
-    without: Annotated[
-        list[str] | None,
-        Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. Repeatable."),
-    ] = None,
+    without: list[str] | None = None,
     record: RecordOption = True,
-    watchdog: Annotated[
-        bool,
-        Option(
-            "--watchdog/--no-watchdog", help="Replace processes that hang. Without it they can be debugged."
-        ),
-    ] = True,
+    watchdog: bool = True,
     speed: SpeedOption = None,
     lockstep: LockstepOption = False,
 ) -> None:
@@ -198,13 +190,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, re
     return True
 
 
-def host(
-    fleet: FleetArgument,
-    this: Annotated[
-        str | None, Option("--host", metavar="HOST", help="The host of the fleet file that this is.")
-    ] = None,
-    record: RecordOption = True,
-) -> None:
+def host(fleet: FleetArgument, this: str | None = None, record: RecordOption = True) -> None:
     """Keep a host ready: run its router, and start its other processes with the fleet (rcopterx up).
 
     Ends with Ctrl-C or SIGTERM; transmitter gateways then land the vehicles that fly from here.
@@ -223,10 +209,8 @@ def host(
 
 def demo(
     fleet: FleetOption = DEFAULT_FLEET,
-    seconds: Annotated[
-        float | None, Option(metavar="SECONDS", min=1, help="End after this flight time.")
-    ] = None,
-    browser: Annotated[bool, Option("--browser/--no-browser", help="Show the fleet in the browser.")] = True,
+    seconds: float | None = None,
+    browser: bool = True,
     record: RecordOption = True,
     speed: SpeedOption = None,
     lockstep: LockstepOption = False,

@@ -190,17 +190,12 @@ def _print(what: str, found: list[str]) -> None:
 
 @import_.command()
 def crazyswarm2(
-    source: Annotated[
-        Path, Argument(metavar="CRAZYFLIES", exists=True, dir_okay=False, help="File crazyflies.yaml.")
-    ],
+    source: Path,
     file: NewFleetFile,
     motion_capture: Annotated[
         Path | None, Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
     ] = None,
-    rate_hz: Annotated[
-        float | None,
-        Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
-    ] = None,
+    rate_hz: float | None = None,
     volume_min: LowerCorner = LOW,
     volume_max: UpperCorner = HIGH,
 ) -> None:

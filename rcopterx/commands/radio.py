@@ -4,7 +4,7 @@ import sys
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Argument
 
 from rcopterx.commands.fleet_option import FleetOption
 from rcopterx.commands.output import print_changes
@@ -14,11 +14,7 @@ Vehicle = Annotated[str, Argument(metavar="VEHICLE")]
 STEPS = ("signs", "throttle", "trim")
 
 
-def bind(
-    vehicle: Vehicle,
-    fleet: FleetOption,
-    yes: Annotated[bool, Option("--yes", help="The vehicle is in bind mode; do not ask.")] = False,
-) -> None:
+def bind(vehicle: Vehicle, fleet: FleetOption, yes: bool = False) -> None:
     """Bind the receiver of a vehicle to its transmitter. The fleet must be down."""
     from rcopterx.commands.radio_bench import Dialogue, own_model_match, workbench
 
@@ -41,13 +37,7 @@ def bind(
         )
 
 
-def range_check(
-    vehicle: Vehicle,
-    fleet: FleetOption,
-    seconds: Annotated[
-        float, Option(metavar="S", min=1, max=600, help="Duration, or until a line on stdin.")
-    ] = 60.0,
-) -> None:
+def range_check(vehicle: Vehicle, fleet: FleetOption, seconds: float = 60.0) -> None:
     """Send with reduced power and move the swash plate, which must still respond 30 paces away."""
     from rcopterx.commands.radio_bench import Dialogue, workbench
 
@@ -67,12 +57,7 @@ def range_check(
 
 
 def calibrate(
-    vehicle: Vehicle,
-    fleet: FleetOption,
-    step: Annotated[
-        list[str] | None, Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
-    ] = None,
-    seconds: Annotated[float, Option(metavar="S", min=1, max=60, help="Duration.")] = 10.0,
+    vehicle: Vehicle, fleet: FleetOption, step: list[str] | None = None, seconds: float = 10.0
 ) -> None:
     """Calibrate a transmitter and write the result into the fleet file.
 

@@ -47,9 +47,6 @@ def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT
     _run("transmitters", gateway, fleet)
 
 
-def agent(
-    vehicle: Annotated[str, Argument(metavar="VEHICLE", help="Vehicle of the fleet file.")],
-    fleet: FleetOption = DEFAULT_FLEET,
-) -> None:
+def agent(vehicle: str, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Run the agent of a vehicle: estimator, controller, plan."""
     _run("agent", vehicle, fleet)

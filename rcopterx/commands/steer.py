@@ -4,7 +4,7 @@ import math
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Argument
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
 from rcopterx.commands.parsing import check_known, settings_of, three
@@ -15,10 +15,6 @@ Vehicles = Annotated[
 ]
 Vehicle = Annotated[str, Argument(metavar="VEHICLE", autocompletion=vehicles_beginning)]
 
-HeightOption = Annotated[
-    float, Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
-]
-
 
 def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Arm vehicles: let their agents command the transmitters. Rotors stay still until take-off."""
@@ -28,13 +24,7 @@ def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
         typer.echo("armed")
 
 
-def disarm(
-    vehicles: Annotated[
-        list[str] | None, Argument(metavar="[VEHICLE]...", autocompletion=vehicles_beginning)
-    ] = None,
-    every: Annotated[bool, Option("--all", help="All vehicles.")] = False,
-    fleet: RunningFleetOption = None,
-) -> None:
+def disarm(vehicles: list[str] | None = None, every: bool = False, fleet: RunningFleetOption = None) -> None:
     """Keep the throttle low until armed again; refused in the air, where land and kill apply."""
     if bool(vehicles) == every:
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
@@ -50,7 +40,7 @@ def disarm(
         typer.echo("disarmed")
 
 
-def takeoff(vehicles: Vehicles = None, height: HeightOption = 1.0, fleet: RunningFleetOption = None) -> None:
+def takeoff(vehicles: Vehicles = None, height: float = 1.0, fleet: RunningFleetOption = None) -> None:
     """Arm, take off, and wait until the vehicles fly."""
     with running_fleet(fleet, vehicles) as running:
         before = running.crowded_hosts()
@@ -67,13 +57,11 @@ def takeoff(vehicles: Vehicles = None, height: HeightOption = 1.0, fleet: Runnin
 
 def goto(
     vehicle: Vehicle,
-    x: Annotated[float, Argument(help="x in the inertial frame in metres.")],
-    y: Annotated[float, Argument(help="y in the inertial frame in metres.")],
-    z: Annotated[float, Argument(help="Height z in metres.")],
-    yaw: Annotated[float, Argument(help="Heading in degrees, reached the nearest way round.")] = 0.0,
-    turns: Annotated[
-        int, Option(metavar="N", min=-20, max=20, help="Whole turns in addition, negative clockwise.")
-    ] = 0,
+    x: float,
+    y: float,
+    z: float,
+    yaw: float = 0.0,
+    turns: int = 0,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Send a vehicle that leads to a set point: goto h1 -0.5 0 1."""
@@ -84,12 +72,10 @@ def goto(
 
 def follow(
     vehicle: Vehicle,
-    leader: Annotated[str, Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
-    offset: Annotated[str, Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
-    yaw: Annotated[float, Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
-    frame: Annotated[
-        str, Option(help="inertial: fixed in the room; heading: turns with the leader.")
-    ] = "inertial",
+    leader: str,
+    offset: str = "0,0,0",
+    yaw: float = 0.0,
+    frame: str = "inertial",
     fleet: RunningFleetOption = None,
 ) -> None:
     """Follow the plan of another vehicle, in flight or on the floor."""
@@ -97,7 +83,8 @@ def follow(
     if vehicle == leader:
         raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)
-    with running_fleet(fleet, [vehicle, leader]) as running:
+    with running_fleet(fleet, [vehicle]) as running:
+        check_known([leader], running.file.tracked, "vehicle", "LEADER")
         typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
@@ -121,28 +108,19 @@ def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
 
 
 def formation(
-    shape: Annotated[str, Argument(metavar="SHAPE", help="line, column, wedge or ring.")],
-    leader: Annotated[str, Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
-    spacing: Annotated[float, Option(metavar="M", min=0.1, max=10.0, help="Distance in metres.")] = 0.8,
-    assign: Annotated[
-        bool, Option("--assign", help="Give places so that the longest way is as short as possible.")
-    ] = False,
-    fleet: RunningFleetOption = None,
+    shape: str, leader: str, spacing: float = 0.8, assign: bool = False, fleet: RunningFleetOption = None
 ) -> None:
     """Bring all flying vehicles into a formation behind one that leads: formation line h1 --assign."""
     # Numerical libraries take longer to import than the command line.
     from rcopterx.formation.shapes import SHAPES
 
     check_known([shape], SHAPES, "formation", "SHAPE")
-    with running_fleet(fleet, [leader]) as running:
+    with running_fleet(fleet) as running:
+        check_known([leader], running.file.tracked, "vehicle", "LEADER")
         typer.echo("\n".join(running.form(shape, leader, spacing, assign=assign)))
 
 
-def move(
-    vehicle: Vehicle,
-    to: Annotated[str, Option(metavar="HOST", help="Host for its agent.")],
-    fleet: RunningFleetOption = None,
-) -> None:
+def move(vehicle: Vehicle, to: str, fleet: RunningFleetOption = None) -> None:
     """Move the agent of a vehicle to another host, also in flight, where a warm agent takes over."""
     with running_fleet(fleet, [vehicle]) as running:
         running.wait_for_status([vehicle])
@@ -152,16 +130,9 @@ def move(
 
 def tune(
     vehicle: Vehicle,
-    settings: Annotated[
-        list[str] | None,
-        Argument(
-            metavar="[NAME=VALUE]...",
-            help="Settings of the controller, those of the estimator as estimator.NAME=VALUE. "
-            "Rows of numbers are separated by commas.",
-        ),
-    ] = None,
-    controller: Annotated[str | None, Option(metavar="NAME", help="Fly with this controller.")] = None,
-    estimator: Annotated[str | None, Option(metavar="NAME", help="Fly with this estimator.")] = None,
+    settings: list[str] | None = None,
+    controller: str | None = None,
+    estimator: str | None = None,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""
@@ -176,7 +147,7 @@ def tune(
         typer.echo(f"{vehicle}: {now}")
 
 
-def join(vehicle: Vehicle, height: HeightOption = 1.0, fleet: RunningFleetOption = None) -> None:
+def join(vehicle: Vehicle, height: float = 1.0, fleet: RunningFleetOption = None) -> None:
     """Take off with a vehicle that was left out and join its formation; the others fly on."""
     with running_fleet(fleet, [vehicle]) as running:
         typer.echo(running.join(vehicle, height))

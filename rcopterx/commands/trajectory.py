@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer import Argument, Option
+from typer import Argument
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
 from rcopterx.commands.output import PlotOption, write_plot
@@ -24,20 +24,15 @@ SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
 def trajectory(
     vehicle: Vehicle,
     shape: Annotated[str, Argument(metavar="SHAPE", help=f"One of {', '.join(SHAPES)}.")],
-    file: Annotated[
-        Path | None,
-        Argument(metavar="[FILE]", help="For waypoints: CSV with columns t,x,y,z,yaw (s, m, degrees)."),
-    ] = None,
-    center: Annotated[str, Option(metavar="X,Y,Z", help="Center in metres.")] = "0,0,1",
-    radius: Annotated[float, Option(metavar="METRES", help="Radius, or half the length.")] = 0.5,
-    end_radius: Annotated[float | None, Option(metavar="METRES", help="Spiral: radius at the end.")] = None,
-    climb: Annotated[
-        float | None, Option(metavar="METRES", help="Spiral: height gained. Default: 0.")
-    ] = None,
-    period: Annotated[float, Option(metavar="SECONDS", help="Time of a turn.")] = 8.0,
-    turns: Annotated[float, Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
-    heading: Annotated[str, Option(help="One of fixed, along, center.")] = "fixed",
-    wait: Annotated[bool, Option("--wait", help="Return when the trajectory has ended.")] = False,
+    file: Path | None = None,
+    center: str = "0,0,1",
+    radius: float = 0.5,
+    end_radius: float | None = None,
+    climb: float | None = None,
+    period: float = 8.0,
+    turns: float = 1.0,
+    heading: str = "fixed",
+    wait: bool = False,
     plot: PlotOption = None,
     fleet: RunningFleetOption = None,
 ) -> None:

@@ -3,10 +3,8 @@
 import time
 from contextlib import closing, nullcontext, suppress
 from functools import partial
-from typing import Annotated
 
 import typer
-from typer import Argument, Option
 
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
@@ -37,7 +35,7 @@ def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> Non
 
 def check(
     vehicles: Vehicles = None,
-    wait: Annotated[float, Option(metavar="SECONDS", min=0, help="Longest wait until it is ready.")] = 1.5,
+    wait: float = 1.5,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
@@ -75,10 +73,7 @@ def _check_file(name: str) -> None:
         typer.echo(f"on each of {', '.join(file.hosts)}: rcopterx doctor {name} --host HOST")
 
 
-def top(
-    wide: Annotated[bool, Option("--wide", help="Show all columns.")] = False,
-    fleet: RunningFleetOption = None,
-) -> None:
+def top(wide: bool = False, fleet: RunningFleetOption = None) -> None:
     """Show the fleet until Ctrl-C, in the columns that fit; without a terminal, show it once."""
     from rich.console import Console
     from rich.live import Live
@@ -101,16 +96,7 @@ def top(
                 time.sleep(REFRESH_S)
 
 
-def logs(
-    names: Annotated[
-        list[str] | None,
-        Argument(
-            metavar="[NAME]...", help="Vehicles or processes, for instance h2 or tracker. Default: all."
-        ),
-    ] = None,
-    follow: Annotated[bool, Option("--follow", help="Show new lines until Ctrl-C.")] = False,
-    fleet: RunningFleetOption = None,
-) -> None:
+def logs(names: list[str] | None = None, follow: bool = False, fleet: RunningFleetOption = None) -> None:
     """Show the logs of the processes of a fleet on all its hosts, merged in time (UTC).
 
     Logs of other hosts are read over the bus; those of this computer also if the fleet is not up.
