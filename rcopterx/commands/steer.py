@@ -84,7 +84,7 @@ def follow(
         raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)
     with running_fleet(fleet, [vehicle]) as running:
-        check_known([leader], running.file.tracked, "vehicle", "LEADER")
+        check_known([leader], running.file.vehicles, "vehicle", "LEADER")
         typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
@@ -116,7 +116,7 @@ def formation(
 
     check_known([shape], SHAPES, "formation", "SHAPE")
     with running_fleet(fleet) as running:
-        check_known([leader], running.file.tracked, "vehicle", "LEADER")
+        check_known([leader], running.file.vehicles, "vehicle", "LEADER")
         typer.echo("\n".join(running.form(shape, leader, spacing, assign=assign)))
 
 
