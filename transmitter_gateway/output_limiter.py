@@ -92,7 +92,7 @@ class HoverThrust:
 
     def begin(self, first: float, acting: float, known_s: float = 0.0) -> None:
         """Begin while a thrust acts; `first` is the hover thrust of `PRIOR_S` and `known_s` of flight."""
-        self._means = _Means(FILTER_S, first), _Means(TRUSTED_S, first)
+        self._newest, self._steady = _Means(FILTER_S, first), _Means(TRUSTED_S, first)
         self._acting, self.known_s = acting, known_s
         self._seen_s = self.climb_m_s = 0.0
         self._aloft = known_s > 0.0  # whether it has been seen in the air
@@ -100,12 +100,12 @@ class HoverThrust:
     @property
     def value(self) -> float:
         """Thrust at which the vehicle hovers, within `largest_correction` of the calibrated one."""
-        return min(max(self._means[0].hover(self._weight_m_s2), self._lower), self._upper)
+        return min(max(self._newest.hover(self._weight_m_s2), self._lower), self._upper)
 
     @property
     def trusted(self) -> float:
         """The same, but not above the mean of the last seconds: a pose that is not its own raises `value`."""
-        return min(self.value, max(self._means[1].hover(self._weight_m_s2), self._lower))
+        return min(self.value, max(self._steady.hover(self._weight_m_s2), self._lower))
 
     @property
     def scale(self) -> float:
@@ -120,8 +120,9 @@ class HoverThrust:
     def note(self, thrust: float, elapsed_s: float, climb_m_s: float | None) -> None:
         """Use the thrust applied for `elapsed_s` and the climb rate after it, None if not seen in the air.
 
-        Updates the means, over the flight and at most `FILTER_S`, of the thrust T after a low-pass with
-        `RESPONSE_S`, and of the acceleration a from climb rates: `value` is mean(T) / (1 + mean(a) / g).
+        Updates the means, over the flight and at most `FILTER_S` or `TRUSTED_S`, of the thrust T after a
+        low-pass with `RESPONSE_S`, and of the acceleration a from climb rates; a mean gives the hover thrust
+        mean(T) / (1 + mean(a) / g).
         """
         self._acting -= math.expm1(-elapsed_s / RESPONSE_S) * (thrust - self._acting)
         self._seen_s += elapsed_s
@@ -134,7 +135,7 @@ class HoverThrust:
         if self._seen_s <= SETTLING_S or elapsed_s > LONGEST_STEP_S:
             return
         self.known_s += elapsed_s
-        for means in self._means:
+        for means in (self._newest, self._steady):
             means.note(self._acting, climb_m_s - before_m_s, elapsed_s, self.known_s)
 
 
