@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from integration_support import Flying, fleet_text, fleets, in_lockstep
 from one_process import fly_in_one_process
-from support.bus import free_port
 
 LOCKSTEP_LIMIT_S = 600
 """Only bounds how long a test takes to fail: in lockstep a fleet is as slow as the machine is busy."""
@@ -47,7 +46,7 @@ def fly(
 
     def flown(flight: Callable[[Flying], None], text: str | None = None, **options: str) -> None:
         if text is None:
-            text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
+            text = fleet_text(**options)
         if in_lockstep(request.node):
             fly_in_one_process(text, flight)
             return

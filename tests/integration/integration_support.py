@@ -127,8 +127,8 @@ class Flying:
 
 
 def fleet_text(
-    tracker_port: int,
-    hosts: dict[str, tuple[str, int]],
+    tracker_port: int | None = None,
+    hosts: dict[str, tuple[str, int]] | None = None,
     *,
     simulator: str = "",
     vehicles: str | None = None,
@@ -139,7 +139,8 @@ def fleet_text(
     spares: tuple[str, ...] = (),
     security: str = "",
 ) -> str:
-    """Fleet file of the trio on its own ports."""
+    """Fleet file of the trio on its own ports, by default on free ones of this computer."""
+    tracker_port, hosts = tracker_port or free_port(), hosts or {"main": ("127.0.0.1", free_port())}
     if vehicles is None:
         vehicles = "\n".join(
             f"""
@@ -205,7 +206,7 @@ def fleets(
             text: str | None = None, *, without: tuple[str, ...] = (), record: bool = False, **options: str
         ) -> Flying:
             if text is None:
-                text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
+                text = fleet_text(**options)
             path = directory / "lab.toml"
             path.write_text(text)
             file = at_speed(load_fleet(path), None, lockstep)
@@ -392,4 +393,4 @@ transmitter = {{ port = "{port}" }}
 """
         for name, port, side in zip(NAMES, ports, (0.0, 0.5, -0.5), strict=True)
     )
-    return fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=vehicles)
+    return fleet_text(vehicles=vehicles)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from integration_support import Flying, Truth, fleet_text, free_port
+from integration_support import Flying, Truth, fleet_text
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(180)]
 
@@ -77,7 +77,7 @@ def test_a_crash_loop_ends_with_what_flew_before_and_then_with_the_default_contr
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trigger = install(tmp_path / "plug-in", monkeypatch)
-    flying = launch(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=ALONE))
+    flying = launch(fleet_text(vehicles=ALONE))
     truth, vehicle = Truth(flying), flying.fleet["h1"]
     flying.fleet.take_off(["h1"], height_m=1.0)
     begun = truth("h1")

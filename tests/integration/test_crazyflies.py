@@ -15,7 +15,6 @@ from integration_support import (
     transmitter_state,
 )
 from radio_support import RadioLog, kill_gateway_in_flight, module
-from support.bus import free_port
 from support.radio_addresses import radio_paths
 
 from rcopterx.ground_station.page.alarms import causes_of
@@ -79,9 +78,7 @@ def fly_and_kill(flying: Flying) -> None:
 
 
 def test_a_crazyflie_lands_by_itself_before_its_battery_is_empty_and_takes_off_no_more(fly: Fly) -> None:
-    text = fleet_text(
-        free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=WEAK.format(radio_paths(1)[0])
-    )
+    text = fleet_text(vehicles=WEAK.format(radio_paths(1)[0]))
     fly(empty_a_battery, text)
 
 

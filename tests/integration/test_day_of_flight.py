@@ -12,7 +12,7 @@ from statistics import median
 from typing import NamedTuple
 
 import pytest
-from integration_support import NAMES, Flying, fleet_text, free_port
+from integration_support import NAMES, Flying, fleet_text
 
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.fleet.reading import load_fleet
@@ -57,7 +57,7 @@ def sample(process: int, log: Path) -> Sample:
 
 
 def test_no_process_grows_in_two_hours_of_flight(launch: Launch, tmp_path: Path) -> None:
-    text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())})
+    text = fleet_text()
     flying = launch(f'{text}\n[log]\ndirectory = "{tmp_path / "flights"}"\n', record=True)
     fleet, file = flying.fleet, load_fleet(flying.path)
     logs = run_directory(file.name, file.bus.namespace) / "log"

@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
-from integration_support import fleet_text, free_port
+from integration_support import fleet_text
 
 from rcopterx.bus.clock import NANO
 from rcopterx.bus.session import RawMessage
@@ -37,7 +37,7 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Flig
         flight: Callable[[Fleet], None], without: Collection[str] = (), repeated: bool = False
     ) -> FlightDigest:
         path = tmp_path / "lab.toml"
-        path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+        path.write_text(fleet_text())
         with launched(path, without=without, lockstep=True) as fleet:
             flight(fleet)
             fleet.land()
@@ -101,7 +101,7 @@ def test_flights_of_one_seed_are_identical(flown: Callable[..., FlightDigest]) -
 
 
 def in_this_process(flight: Callable[[Fleet], None], without: Collection[str] = ()) -> FlightDigest:
-    file = parse_fleet(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+    file = parse_fleet(fleet_text())
     messages: list[LoggedMessage] = []
 
     def store(message: RawMessage) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from integration_support import NAMES, fleet_text, free_port, of_types
+from integration_support import NAMES, fleet_text, of_types
 from support.radio_addresses import radio_paths
 
 from rcopterx_studies.faults.table import FAULT_FLIGHTS
@@ -30,9 +30,7 @@ OF_CRAZYFLIES = tuple(
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     path = tmp_path / "lab.toml"
-    path.write_text(
-        fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, simulator='conditions = "helicopter"')
-    )
+    path.write_text(fleet_text(simulator='conditions = "helicopter"'))
     return path
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from integration_support import fleet_text, free_port
+from integration_support import fleet_text
 
 from rcopterx.fleet.reading import fleet_path
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -25,7 +25,7 @@ CASCADE = 'controller = "cascade"\nhorizon = 30'
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     path = tmp_path / "lab.toml"
-    path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, control=CASCADE))
+    path.write_text(fleet_text(control=CASCADE))
     return path
 
 
@@ -59,8 +59,7 @@ def path_of_five(tmp_path: Path) -> Path:
     path = tmp_path / "five.toml"
     shipped = fleet_path("quintet").read_text()
     vehicles = shipped[shipped.index("[vehicles.h1]") :]
-    hosts = {"main": ("127.0.0.1", free_port())}
-    path.write_text(fleet_text(free_port(), hosts, control=CASCADE, vehicles=vehicles))
+    path.write_text(fleet_text(control=CASCADE, vehicles=vehicles))
     return path
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from integration_support import Flying, Truth, fleet_text, free_port
+from integration_support import Flying, Truth, fleet_text
 from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.tuning.configuration import Configuration
@@ -26,10 +26,7 @@ def formation(
     launch: Launch, conditions: str, control: str = CASCADE, vehicles: str | None = None
 ) -> tuple[Flying, Truth]:
     """A formation that hovers in the simulated laboratory, watched from then on."""
-    hosts = {"main": ("127.0.0.1", free_port())}
     text = fleet_text(
-        free_port(),
-        hosts,
         simulator=f'conditions = "{conditions}"',
         control=control,
         vehicles=vehicles,

@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from integration_support import NAMES, fleet_text
-from support.bus import free_port
 
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.run_directory import run_directory
@@ -47,7 +46,7 @@ def test_every_vehicle_lands_closed_loop_when_the_launcher_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "lab.toml"
-    path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+    path.write_text(fleet_text())
     with ExitStack() as stack:
         # A short path, because the router's socket lives in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from integration_support import NAMES, Flying, Truth, fleet_text, free_port
+from integration_support import NAMES, Flying, Truth, fleet_text
 from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.tuning.configuration import Configuration
@@ -25,8 +25,7 @@ STEP_S = 5.0
 
 
 def text(learning: str = "true") -> str:
-    hosts = {"main": ("127.0.0.1", free_port())}
-    file = fleet_text(free_port(), hosts, simulator='conditions = "helicopters"\nseed = 1')
+    file = fleet_text(simulator='conditions = "helicopters"\nseed = 1')
     return f"learning = {learning}\n{file}"
 
 

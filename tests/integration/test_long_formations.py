@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from integration_support import Flying, fleet_text, free_port
+from integration_support import Flying, fleet_text
 
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import FlightSampler
@@ -36,8 +36,6 @@ transmitter = {{ port = "radio-{name}", model_match = {number} }}
 def test_chain_of_five_follows_its_head_and_publishes_the_whole_line(launch: Launch) -> None:
     starts = ", ".join(f"{name} = [{0.8 - 0.4 * number}, 0, 0, 0]" for number, name in enumerate(CHAIN))
     text = fleet_text(
-        free_port(),
-        {"main": ("127.0.0.1", free_port())},
         vehicles=chain(),
         control='controller = "cascade"\nhorizon = 20',
         simulator=f"start = {{ {starts} }}",

@@ -91,8 +91,7 @@ def test_no_loop_blocks_and_no_loop_leaves_garbage(
     trace = tmp_path / "trace.jsonl"
     monkeypatch.setenv("RCOPTERX_TRACE", str(trace))
     monkeypatch.setenv("PYTHONPATH", str(Path(support.__file__).parent / "tracer"), os.pathsep)
-    hosts = {"main": ("127.0.0.1", free_port())}
-    text = fleet_text(free_port(), hosts, vehicles=vehicles(), simulator="speed = 0.5")
+    text = fleet_text(vehicles=vehicles(), simulator="speed = 0.5")
     flying = launch(f'{text}\n[log]\ndirectory = "{tmp_path / "flights"}"\n', record=True)
     fly_through_everything(flying)
     for launcher in flying.launchers.values():

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from integration_support import Flying, fleet_text, free_port
+from integration_support import Flying, fleet_text
 
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
@@ -32,9 +32,8 @@ transmitter = {{ port = "radio-{name}", protocol = "{RADIOS[name]}", model_match
 
 
 def test_helicopters_and_a_quadrotor_fly_one_formation_and_either_type_leads(launch: Launch) -> None:
-    hosts = {"main": ("127.0.0.1", free_port())}
     control = 'controller = "cascade"\nhorizon = 30'
-    flying = launch(fleet_text(free_port(), hosts, vehicles=VEHICLES, control=control))
+    flying = launch(fleet_text(vehicles=VEHICLES, control=control))
     fleet = flying.fleet
     models = {name: model_of(load_fleet(flying.path), name) for name in NAMES}
     assert {name: model.kind for name, model in models.items()} == {

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 import nbformat
 import pytest
-from integration_support import fleet_text, free_port
+from integration_support import fleet_text
 from nbclient import NotebookClient
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "formation_flight.ipynb"
@@ -27,7 +27,7 @@ def test_the_stored_notebook_shows_a_figure_and_no_error() -> None:
 @pytest.mark.timeout(240)
 def test_the_notebook_flies_a_formation_and_draws_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "lab.toml"
-    path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+    path.write_text(fleet_text())
     notebook = read()
     (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
     parameters.source = f"FLEET = {str(path)!r}"

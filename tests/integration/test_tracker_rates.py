@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from integration_support import Flying, fleet_text, free_port
+from integration_support import Flying, fleet_text
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -30,8 +30,6 @@ ERROR_MM = 150.0
 @pytest.mark.parametrize("rate_hz", [100, pytest.param(200, marks=pytest.mark.campaign)])
 def test_a_formation_flies_at_higher_rates_of_the_tracker(fly: Callable[..., None], rate_hz: int) -> None:
     text = fleet_text(
-        free_port(),
-        {"main": ("127.0.0.1", free_port())},
         vehicles=VEHICLES,
         control='controller = "cascade"\nhorizon = 20',
         simulator=f"rate_hz = {rate_hz}",

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from integration_support import NAMES, Flying, all_states, fleet_text, free_port, transmitter_state
+from integration_support import NAMES, Flying, all_states, fleet_text, transmitter_state
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
@@ -40,7 +40,7 @@ def test_a_typed_kill_cuts_the_vehicles_it_names_or_all_and_never_those_of_anoth
     flying: Flying, tmp_path: Path
 ) -> None:
     other = tmp_path / "attic.toml"
-    text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())})
+    text = fleet_text()
     other.write_text(text.replace('name = "lab"', 'name = "attic"'))
     done = typed("kill", "-f", str(other))
     assert done.returncode == 1
