@@ -1,9 +1,9 @@
 """Run everything that must pass: fleets of real processes, and the unit tests beside them.
 
 Fleets leave much of two cores unused. The unit tests run in what they leave, at the lowest priority, so that
-they delay no fleet: two processes with every other file each, because two that share all files would both
-import and collect all. Lines are printed at once, failed tests again at the end; the exit code is 1 if a run
-fails. A run that hangs prints its threads and fails; a run that leaves processes behind fails, too.
+they delay no fleet, in two processes that end together. Lines are printed at once, failed tests again at the
+end; the exit code is 1 if a run fails. A run that hangs prints its threads and fails; a run that leaves
+processes behind fails, too.
 """
 
 import os
@@ -25,11 +25,10 @@ LAST_LINES_S = 10.0
 FILES = sorted(TESTS.rglob("test_*.py"))
 # Importing all the others would take ten seconds, in which no fleet flies.
 FILES_WITH_FLEETS = [path for path in FILES if "mark.integration" in path.read_text(encoding="utf-8")]
-UNITS = ("nice", "-n", "19", *PYTEST, "--timeout", "600", "-m", "not integration and not campaign")
+SHARED = ("-n", "2", "--dist", "worksteal", "--timeout", "600")
 RUNS = {
     "fleets": (*PYTEST, "-m", "integration and not campaign", *map(str, FILES_WITH_FLEETS)),
-    "unit 1": (*UNITS, *map(str, FILES[::2])),
-    "unit 2": (*UNITS, *map(str, FILES[1::2])),
+    "units": ("nice", "-n", "19", *PYTEST, *SHARED, "-m", "not integration and not campaign", str(TESTS)),
 }
 
 

@@ -97,14 +97,14 @@ def test_a_fitted_model_is_more_certain_than_a_type(found: Identification) -> No
     assert low < found.model.tilt.damping_ratio < high < 2.0 * low
 
 
-@pytest.mark.parametrize("density", [CALM, 0.05, 0.1])
+@pytest.mark.parametrize("density", [CALM, pytest.param(0.05, marks=pytest.mark.campaign), 0.1])
 def test_gusts_of_a_flight_are_found(density: float) -> None:
     found = identify(simulated_flight(other_helicopter(), gust_density=density), COAXIAL)
     assert found.model.gust_density == density
     assert found.model.input_gain[:2] == pytest.approx(other_helicopter().input_gain[:2], rel=0.15)
 
 
-@pytest.mark.parametrize("lever_arm_m", [-0.03, 0.04])
+@pytest.mark.parametrize("lever_arm_m", [pytest.param(-0.03, marks=pytest.mark.campaign), 0.04])
 def test_a_lever_arm_is_told_from_direct_lift_and_gain(lever_arm_m: float) -> None:
     true = replace(other_helicopter(), lever_arm_m=lever_arm_m)
     found = identify(simulated_flight(true), COAXIAL)

@@ -47,6 +47,7 @@ def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None
     assert set(fleets.EXPERIMENT.levels) == {*LEVELS, "learned"}
 
 
+@pytest.mark.campaign
 def test_a_fleet_that_has_learned_in_ordinary_flight_keeps_its_formation_better() -> None:
     default, learned = (
         fly_fleet(level, quick=True, conditions=HELICOPTERS, seed=1) for level in ("default", "learned")

@@ -131,12 +131,12 @@ def doubt_begins_anew() -> AbstractContextManager[Any]:
     ("planted", "found"),
     [
         (late_poses_jump, "touchdown-10052"),
-        (unanswered_poses_teach, "volume-10014"),
-        (falls_unfinished, "touchdown-10076"),
-        (low_is_the_floor, "touchdown-70128"),
-        (doubt_begins_anew, "touchdown-1004"),
         (jumped_heading_believed, "volume-30011"),
-        (newest_poses_trusted, "volume-80018"),
+        pytest.param(unanswered_poses_teach, "volume-10014", marks=pytest.mark.campaign),
+        pytest.param(falls_unfinished, "touchdown-10076", marks=pytest.mark.campaign),
+        pytest.param(low_is_the_floor, "touchdown-70128", marks=pytest.mark.campaign),
+        pytest.param(doubt_begins_anew, "touchdown-1004", marks=pytest.mark.campaign),
+        pytest.param(newest_poses_trusted, "volume-80018", marks=pytest.mark.campaign),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
@@ -149,12 +149,12 @@ def test_a_fault_that_the_search_found_is_found_again(planted: Planted, found: s
 @pytest.mark.parametrize(
     ("planted", "seed", "promise"),
     [
-        (disarmed_in_the_air, 122, "touchdown"),
-        (kill_ignored, 179, "kill"),
         (flight_forgotten, 14, "touchdown"),
-        (never_armed_again, 526, "flies on"),
-        (older_epoch, 354, "flies on"),
         (no_second_lease, 277, "flies on"),
+        pytest.param(disarmed_in_the_air, 122, "touchdown", marks=pytest.mark.campaign),
+        pytest.param(kill_ignored, 179, "kill", marks=pytest.mark.campaign),
+        pytest.param(never_armed_again, 526, "flies on", marks=pytest.mark.campaign),
+        pytest.param(older_epoch, 354, "flies on", marks=pytest.mark.campaign),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
