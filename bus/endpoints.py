@@ -87,7 +87,7 @@ def _settings(
     mode: str, endpoints: list[str], namespace: str | None, credentials: Credentials | None, patient: bool
 ) -> dict[str, Any]:
     """Return the settings of a mode in `zenoh.toml`, to connect to these endpoints."""
-    settings = deepcopy(_TABLE["common"] | _TABLE[mode])
+    settings: dict[str, Any] = deepcopy(_TABLE["common"] | _TABLE[mode])
     settings["connect"]["endpoints"] = endpoints
     link = settings["transport"]["link"]
     link["protocols"] = ["tcp" if credentials is None else "tls", "unixsock-stream"]
