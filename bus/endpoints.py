@@ -4,18 +4,18 @@ import json
 import os
 import re
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
-QUEUE_SIZE = 16  # batches of 64 kB that wait for one client, the most that Zenoh permits
+from rcopterx.tables import table_beside
+
 LEASE_MS = 1000
 PATIENT_LEASE_MS: Final = 100 * LEASE_MS  # in lockstep, where no process has to be in time
 LONG_S: Final = 600.0  # longest wait in real time for an answer that always comes
-_QUICK: Final = "real_time", "interactive_high"
-# In lockstep nothing is dropped: a queue that is full would block the thread of the router that empties it.
-_ALL: Final = *_QUICK, "interactive_low", "data_high", "data", "data_low"
+_TABLE: Final = table_beside(__file__, "zenoh")
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
 """Environment variable of Zenoh: one thread reads, handles and writes each message instead of three."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -56,16 +56,9 @@ def router_config(
 
     `protection` None admits every client. A `patient` router waits for clients that get no processor.
     """
-    settings = _common(namespace, None if protection is None else protection.credentials, patient) | {
-        "mode": "router",
-        "listen": {"endpoints": listen},
-        "connect": {
-            "endpoints": connect,
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": {"period_init_ms": 20, "period_max_ms": 30, "period_increase_factor": 1.5},
-        },
-    }
+    credentials = None if protection is None else protection.credentials
+    settings = _settings("router", connect, namespace, credentials, patient)
+    settings["listen"] = {"endpoints": listen}
     if protection is not None:
         settings["access_control"] = protection.access_control
     return zenoh.Config.from_json5(json.dumps(settings))
@@ -80,15 +73,8 @@ def client_config(
     patient: bool = False,
 ) -> zenoh.Config:
     """Return the configuration of a client of its host's router, which reconnects automatically."""
-    settings = _common(namespace, credentials, patient) | {
-        "mode": "client",
-        "connect": {
-            "endpoints": endpoints,
-            "timeout_ms": int(timeout_s * 1000),
-            "exit_on_failure": True,
-            "retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1.5},
-        },
-    }
+    settings = _settings("client", endpoints, namespace, credentials, patient)
+    settings["connect"]["timeout_ms"] = int(timeout_s * 1000)
     return zenoh.Config.from_json5(json.dumps(settings))
 
 
@@ -97,39 +83,19 @@ def reason_of(error: zenoh.ZError) -> str:
     return _SOURCE_PLACE.sub("", str(error))
 
 
-def _common(namespace: str | None, credentials: Credentials | None, patient: bool) -> dict[str, object]:
-    settings: dict[str, object] = {
-        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "queries_default_timeout": 500,
-        "transport": {
-            "unicast": {"max_sessions": 128, "open_timeout": 2000, "accept_timeout": 2000},
-            "link": {
-                "protocols": ["tcp" if credentials is None else "tls", "unixsock-stream"],
-                **({} if credentials is None else {"tls": _tls(credentials)}),
-                "rx": {"max_message_size": 65536},
-                "tx": {
-                    "lease": PATIENT_LEASE_MS if patient else LEASE_MS,
-                    "keep_alive": 4,
-                    "queue": {"size": dict.fromkeys(_ALL if patient else _QUICK, QUEUE_SIZE)},
-                },
-            },
-            "shared_memory": {"enabled": False},
-        },
-    }
+def _settings(
+    mode: str, endpoints: list[str], namespace: str | None, credentials: Credentials | None, patient: bool
+) -> dict[str, Any]:
+    """Return the settings of a mode in `zenoh.toml`, to connect to these endpoints."""
+    settings: dict[str, Any] = deepcopy(_TABLE["common"] | _TABLE[mode])
+    settings["connect"]["endpoints"] = endpoints
+    link = settings["transport"]["link"]
+    link["protocols"] = ["tcp" if credentials is None else "tls", "unixsock-stream"]
+    link["tx"]["lease"] = PATIENT_LEASE_MS if patient else LEASE_MS
+    link["tx"]["queue"] = {"size": _TABLE["patient_queue" if patient else "queue"]}
+    if credentials is not None:
+        files = {key: getattr(credentials, field) for key, field in _TABLE["tls_files"].items()}
+        link["tls"] = _TABLE["tls"] | files
     if namespace:
         settings["namespace"] = namespace
     return settings
-
-
-def _tls(credentials: Credentials) -> dict[str, object]:
-    return {
-        "root_ca_certificate": credentials.authority,
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        "listen_certificate": credentials.certificate,
-        "listen_private_key": credentials.private_key,
-        "connect_certificate": credentials.certificate,
-        "connect_private_key": credentials.private_key,
-        # A certificate that expires in flight must not end the flight; the next connection is refused.
-        "close_link_on_expiration": False,
-    }

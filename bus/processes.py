@@ -1,22 +1,25 @@
 """The kinds of processes of a fleet, as one table: what supervision, spares and lockstep decide by kind."""
 
-from enum import Enum, auto
-from typing import Final, Literal, NamedTuple
+from enum import Enum
+from typing import Final, Literal
+
+from msgspec import Struct, convert
+
+from rcopterx.tables import table_beside
 
 
 class Duty(Enum):
     """Purpose of a process, on which the limit of its watchdog depends."""
 
-    RADIO = auto()  # vehicles in the air fall without it: a transmitter gateway
-    FLIGHT = auto()  # vehicles in the air need it
-    STANDBY = auto()  # a spare process
-    BACKGROUND = auto()  # vehicles in the air do not need it, or not a new one (recorder, learner, simulator)
+    RADIO = "radio"  # vehicles in the air fall without it: a transmitter gateway
+    FLIGHT = "flight"  # vehicles in the air need it
+    STANDBY = "standby"  # a spare process
+    BACKGROUND = "background"  # vehicles in the air need none, or no new one: recorder, learner, simulator
 
 
-class Role(NamedTuple):
+class Role(Struct, frozen=True):
     """A kind of process."""
 
-    name: str
     unit: Literal["host", "gateway", "vehicle"]  # what one process serves
     stop_order: int  # processes with lower numbers are stopped first
     duty: Duty = Duty.FLIGHT
@@ -36,22 +39,7 @@ RECORDER: Final = "recorder"  # of the flight log
 LEARNER: Final = "learner"  # of models of vehicles
 ROUTER: Final = "router"
 
-ROLES: Final = {
-    role.name: role
-    for role in (
-        Role(ROUTER, "host", 5, spare=True, needed_by_all=True),
-        # Started before the processes whose first messages it records, stopped after them.
-        Role(RECORDER, "host", 4, Duty.BACKGROUND, in_lockstep=True),
-        Role(LEARNER, "host", 0, Duty.BACKGROUND, in_lockstep=True),
-        Role(SIMULATOR, "host", 3, Duty.BACKGROUND),
-        Role(TRACKER, "host", 2, spare=True, needed_by_all=True, in_lockstep=True),
-        Role(
-            TRANSMITTERS, "gateway", 1, Duty.RADIO,
-            spare=True, needed_by_all=True, in_lockstep=True, knows_flying=True,
-        ),
-        Role(AGENT, "vehicle", 0, spare=True, in_lockstep=True, knows_flying=True),
-    )
-}  # fmt: skip
+ROLES: Final = convert(table_beside(__file__, "processes"), dict[str, Role])
 """Every kind by its name, in starting order; one for each host has this name as its process, too."""
 
 SPARE: Final = "spare"  # process that waits to replace others
@@ -59,7 +47,6 @@ SCRIPT: Final = "script"  # program that started the fleet, if time stands still
 HOST_SERVICE: Final = "host_service"
 CHECKPOINT: Final = "checkpoint"
 SERVICES: Final = (HOST_SERVICE, CHECKPOINT)  # of the launcher, which take turns in lockstep
-RESERVED_PROCESSES: Final = (
-    *(name for name, role in ROLES.items() if role.unit == "host"), SPARE, *SERVICES, SCRIPT,
-)  # fmt: skip
+_OF_HOSTS: Final = [name for name, role in ROLES.items() if role.unit == "host"]
+RESERVED_PROCESSES: Final = (*_OF_HOSTS, SPARE, *SERVICES, SCRIPT)
 """Names that no transmitter gateway may have."""

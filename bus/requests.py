@@ -327,38 +327,26 @@ class Verb:
     """Whether flight logs have requests and answers."""
 
 
+def _verbs(
+    server: str, asker: str = OPERATOR, unit: str = "vehicle", **kinds: type[Request]
+) -> dict[str, Verb]:
+    """Return rows of verbs that have `Reply` for a reply."""
+    return {name: Verb(name, server, kind, asker=asker, unit=unit) for name, kind in kinds.items()}
+
+
 VERBS: Final = {
-    verb.name: verb
-    for verb in (
-        Verb("arm", "transmitter_gateway", Arm),
-        Verb("disarm", "transmitter_gateway", Disarm),
-        Verb("kill", "transmitter_gateway", KillVehicle),
-        Verb("reset", "transmitter_gateway", ResetKill),
-        Verb("take_off", "agent", TakeOff),
-        Verb("land", "agent", Land),
-        Verb("go_to", "agent", GoTo),
-        Verb("fly", "agent", Fly),
-        Verb("follow", "agent", Follow),
-        Verb("lead", "agent", Lead),
-        Verb("tune", "agent", Tune),
-        Verb("excite", "agent", Excite),
-        Verb("take_control", "agent", TakeControl, asker=EXTERNAL),
-        Verb("release_control", "agent", ReleaseControl, asker=EXTERNAL),
-        Verb("prepare_leaders", "agent", PrepareLeaders),
-        Verb("commit_leaders", "agent", CommitLeaders),
-        Verb("withdraw_leaders", "agent", WithdrawLeaders),
-        Verb("suspend", "agent", Suspend),
-        Verb("resume", "agent", Resume),
-        Verb("start_vehicle", "launcher", StartVehicle, unit="host"),
-        Verb("stop_vehicle", "launcher", StopVehicle, unit="host"),
-        Verb("take_vehicle", "launcher", TakeVehicle, unit="host"),
-        Verb("start_host", "launcher", StartHost, unit="host"),
-        Verb("stop_host", "launcher", StopHost, unit="host"),
-        Verb("read_logs", "launcher", ReadLogs, ReadLogsReply, ANYBODY, "host", recorded=False),
-        Verb("recall", "launcher", Recall, RecallReply, "agent", "host"),
-        Verb("identify", "router", Identify, IdentifyReply, ANYBODY, "host"),
-        Verb("inject", "simulator", Inject, unit=SIMULATOR_UNIT),
-    )
+    **_verbs("transmitter_gateway", arm=Arm, disarm=Disarm, kill=KillVehicle, reset=ResetKill),
+    **_verbs("agent", take_off=TakeOff, land=Land, go_to=GoTo, fly=Fly, follow=Follow, lead=Lead),
+    **_verbs("agent", tune=Tune, excite=Excite),
+    **_verbs("agent", EXTERNAL, take_control=TakeControl, release_control=ReleaseControl),
+    **_verbs("agent", prepare_leaders=PrepareLeaders, commit_leaders=CommitLeaders),
+    **_verbs("agent", withdraw_leaders=WithdrawLeaders, suspend=Suspend, resume=Resume),
+    **_verbs("launcher", unit="host", start_vehicle=StartVehicle, stop_vehicle=StopVehicle),
+    **_verbs("launcher", unit="host", take_vehicle=TakeVehicle, start_host=StartHost, stop_host=StopHost),
+    "read_logs": Verb("read_logs", "launcher", ReadLogs, ReadLogsReply, ANYBODY, "host", recorded=False),
+    "recall": Verb("recall", "launcher", Recall, RecallReply, "agent", "host"),
+    "identify": Verb("identify", "router", Identify, IdentifyReply, ANYBODY, "host"),
+    **_verbs("simulator", unit=SIMULATOR_UNIT, inject=Inject),
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""
 

@@ -6,8 +6,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from rcopterx.radios.mavlink_settings import ARDUPILOT, PX4, Mode
+from rcopterx.radios.mavlink_settings import PX4, Mode
 from rcopterx.radios.protocol import FrameDecodeError
+from rcopterx.tables import table_beside
 
 SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
 SILENT_S = 1.0
@@ -22,16 +23,7 @@ MEAN_SHARE = 0.1  # of each interval in that mean
 CLEARED = " Cleared"  # ArduPilot withdraws a text by the same one with this word
 UNEXPLAINED = "MAV_RESULT"
 COMMANDS = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE)  # that have to be obeyed
-_COPTER_MODES = (
-    "STABILIZE", "ACRO", "ALT_HOLD", "AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE", "POSITION", "LAND",
-)  # fmt: skip
-MODE_NAMES = {(ARDUPILOT, number): name for number, name in enumerate(_COPTER_MODES)} | {
-    (PX4, main << 16 | sub << 24): name
-    for main, sub, name in (
-        (1, 0, "MANUAL"), (2, 0, "ALTCTL"), (3, 0, "POSCTL"), (4, 3, "LOITER"), (4, 5, "RTL"),
-        (4, 6, "LAND"), (5, 0, "ACRO"), (6, 0, "OFFBOARD"), (7, 0, "STABILIZED"),
-    )
-}  # fmt: skip
+MODE_NAMES = table_beside(__file__, "mavlink_modes")
 LONGEST_TEXT = 50  # of one packet; a shorter one is the last part
 TEXT_S = 2.0  # a text explains what happens so long before or after it
 REPEATED_S = 35.0  # ArduPilot repeats what forbids to arm every 30 s
@@ -195,7 +187,8 @@ class AutopilotState:
     @property
     def other_mode(self) -> str:
         """Mode that a pilot or a failsafe has chosen, with the warnings around the change."""
-        name = MODE_NAMES.get((self._autopilot, self._reported), "of a pilot or a failsafe")
+        names = MODE_NAMES.get(str(self._autopilot), {})
+        name = names.get(str(self._reported), "of a pilot or a failsafe")
         return f"mode {name} ({self._reported})" + (f": {self._mode_reason}" if self._mode_reason else "")
 
     def _note_arrival(self, report: str, now_s: float) -> None:

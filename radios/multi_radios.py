@@ -1,12 +1,12 @@
 """Radio protocols of a Multiprotocol module (protocol: DIY-Multiprotocol-TX-Module)."""
 
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
 
 import msgspec
+
+from rcopterx.tables import table_beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,6 @@ class MultiRadio:
 
 
 DSM: Final = 6
-_TABLE: Final = tomllib.loads((files(__package__) / "multi_radios.toml").read_text("utf-8"))
+_TABLE: Final = table_beside(__file__, "multi_radios")
 RADIOS: Final = MappingProxyType(msgspec.convert(_TABLE, dict[str, MultiRadio]))
 """Protocols by the name that the module reports, as far as vehicle types use them."""

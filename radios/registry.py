@@ -3,7 +3,10 @@
 from importlib import import_module
 from typing import Any, Final, NamedTuple
 
+from msgspec import convert
+
 from rcopterx.radios.protocol import ProtocolError, RadioProtocol, SerialLine, check_choice
+from rcopterx.tables import table_beside
 
 
 class _Kind(NamedTuple):
@@ -30,14 +33,7 @@ class _Kind(NamedTuple):
         return kind
 
 
-_KINDS: Final = {
-    "multi": _Kind("multi", "MultiSettings", "multi", "MultiProtocol"),
-    "dsm2_serial": _Kind("dsm2_serial", "Dsm2Settings", "dsm2_serial", "Dsm2SerialProtocol"),
-    "dsmp": _Kind("dsmp", "DsmpSettings", "dsmp", "DsmpProtocol"),
-    "crazyflie": _Kind("crazyflie", "CrazyflieSettings", "crazyflie", "CrazyflieProtocol"),
-    "mavlink": _Kind("mavlink_settings", "MavlinkSettings", "mavlink", "MavlinkProtocol", "MISSING_LIBRARY"),
-    "ppm": _Kind("ppm", "PpmSettings", "ppm", "PpmGenProtocol"),
-}
+_KINDS: Final = convert(table_beside(__file__, "registry"), dict[str, _Kind])
 PROTOCOL_NAMES: Final = tuple(_KINDS)
 
 

@@ -1,20 +1,19 @@
 """How real the simulated laboratory is: every switch and number in one validated object, with presets."""
 
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
 
 import msgspec
 
+from rcopterx.tables import table_beside
 from rcopterx.vehicles.tuples import Four, Three
 
 FIRST_ORDER: Final = "first_order"
 COAXIAL_PLANTS: Final = (FIRST_ORDER, "helicopter", "drawn_helicopter", "drawn_coax")
 ADDED: Final = ":"  # in names of plants that installed packages add, PACKAGE:KIND
 
-_RANGES: Final = tomllib.loads((files(__package__) / "condition_ranges.toml").read_text("utf-8"))
+_RANGES: Final = table_beside(__file__, "condition_ranges")
 """Lowest and highest value of fields of `Conditions`, of each of several numbers."""
 
 
@@ -114,7 +113,7 @@ def _require_between(name: str, value: float | tuple[float, ...] | None, low: fl
 
 def _presets() -> dict[str, Conditions]:
     found: dict[str, Conditions] = {}
-    for name, table in tomllib.loads((files(__package__) / "presets.toml").read_text("utf-8")).items():
+    for name, table in table_beside(__file__, "presets").items():
         like = found[table.pop("like")] if "like" in table else Conditions()
         found[name] = msgspec.convert(msgspec.to_builtins(like) | table, Conditions)
     return found

@@ -5,11 +5,10 @@ States, transitions, order and numbers: crazyflie-firmware 2026.08 (2a18fc2), `s
 """
 
 import math
-import tomllib
-from importlib.resources import files
 from typing import Final
 
 from rcopterx.radios.crtp import SupervisorState
+from rcopterx.tables import table_beside
 
 PERIOD_S: Final = 0.04  # `RATE_SUPERVISOR`; at most one transition in each
 LEVEL_AFTER_S: Final = 0.5  # `COMMANDER_WDT_TIMEOUT_STABILIZE`
@@ -24,7 +23,7 @@ BLOCKED_S: Final = 0.2  # of a motor that turns below `MOTORS_RPM_NOT_RESPONDING
 FREE_FALL_G: Final = 0.1  # less in every direction is no tumble
 TILTED_G, TILTED_S = 0.5, 1.0  # `SUPERVISOR_TUMBLE_CHECK_ACCEPTED_TILT_ACCZ` and `_TIME`
 INVERTED_G, INVERTED_S = -0.2, 0.1  # `SUPERVISOR_TUMBLE_CHECK_ACCEPTED_UPSIDEDOWN_ACCZ` and `_TIME`
-TRANSITIONS: Final = tomllib.loads((files(__package__) / "crazyflie_states.toml").read_text("utf-8"))
+TRANSITIONS: Final = table_beside(__file__, "crazyflie_states")
 STANDING_G: Final = 1.0, 0.0
 FLIES: Final = ("ready", "flying", "level", "landed")
 

@@ -1,9 +1,12 @@
 """Flight phases of a vehicle as a table: phase x event -> phase, and what that does to its task."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
+
+from msgspec import convert
+
+from rcopterx.tables import table_beside
 
 
 class Phase(StrEnum):
@@ -34,20 +37,6 @@ class Event(StrEnum):
     RESUME = "resume"  # an agent that restarts finds its vehicle in the air
 
 
-EVENT_OF_STATE: Final = MappingProxyType(
-    {
-        "armed": Event.ARM,
-        "hold": Event.OVERRIDE,
-        "land": Event.OVERRIDE,
-        "descend": Event.OVERRIDE,
-        "disarmed": Event.DISARM,
-        "cut": Event.DISARM,
-        "killed": Event.DISARM,
-    }
-)
-"""Event of each state of the arbiter."""
-
-
 class Effect(StrEnum):
     """What a transition does to the task of the vehicle."""
 
@@ -57,8 +46,7 @@ class Effect(StrEnum):
     HOLD = "hold"  # the present place becomes the set point
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
+class Transition(NamedTuple):
     """One row: in any of `phases`, the event leads to `target`."""
 
     phases: tuple[Phase, ...]
@@ -67,19 +55,10 @@ class Transition:
     effect: Effect = Effect.NONE
 
 
-_P, _E = Phase, Event
-TRANSITIONS: Final = (
-    Transition((_P.GROUND,), _E.ARM, _P.ARMED),
-    Transition((_P.GROUND, _P.ARMED), _E.RESUME, _P.FLYING, Effect.HOLD),
-    Transition((_P.ARMED, _P.TAKEOFF, _P.FLYING, _P.LANDING, _P.EMERGENCY), _E.DISARM, _P.GROUND),
-    Transition((_P.ARMED, _P.FLYING), _E.TAKE_OFF, _P.TAKEOFF),
-    Transition((_P.TAKEOFF,), _E.CLIMBED, _P.FLYING),
-    Transition((_P.TAKEOFF,), _E.NOT_LIFTED, _P.ARMED),
-    Transition((_P.TAKEOFF, _P.FLYING, _P.EMERGENCY), _E.LAND, _P.LANDING),
-    Transition((_P.LANDING,), _E.TOUCHED_DOWN, _P.ARMED),
-    Transition((_P.TAKEOFF, _P.FLYING, _P.LANDING), _E.OVERRIDE, _P.EMERGENCY, Effect.INTERRUPT),
-    Transition((_P.EMERGENCY,), _E.ARM, _P.FLYING, Effect.CONTINUE),
-)
+_TABLE: Final = table_beside(__file__, "phases")
+EVENT_OF_STATE: Final = MappingProxyType(convert(_TABLE["event_of_state"], dict[str, Event]))
+"""Event of each state of the arbiter."""
+TRANSITIONS: Final = convert(_TABLE["transitions"], tuple[Transition, ...])
 """At most one row for a phase and an event; without one the phase stays as it is."""
 _ROWS: Final = {(phase, row.event): row for row in TRANSITIONS for phase in row.phases}
 

@@ -1,13 +1,12 @@
 """Parameters of a fit with their prior spreads."""
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from operator import attrgetter
 from typing import Any, Final
 
 from rcopterx.control.identification.motions import Candidate
+from rcopterx.tables import table_beside
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_YAW
 
@@ -102,7 +101,7 @@ def _yaw_rate(candidate: Candidate) -> float:
 
 SHORTEST_YAW_S: Final = 0.02  # the cascade's Euler steps of one period do not follow faster yaw rates
 LONGEST_YAW_S: Final = 10.0  # time constant of a yaw rate without damping
-_TABLE: Final = tomllib.loads((files(__package__) / "parameters.toml").read_text("utf-8"))
+_TABLE: Final = table_beside(__file__, "parameters")
 _GROUPS: Final = {group: tuple(_number(**row) for row in rows) for group, rows in _TABLE.items()}
 PITCH_GAIN, ROLL_GAIN, THRUST_GAIN = _GROUPS["gains"]
 FREQUENCY, DAMPING, _ = _GROUPS["tilt"]

@@ -1,13 +1,12 @@
 """The table of manoeuvres and their checks: acceptance test, demonstration and `rcopterx fly NAME`."""
 
-import tomllib
-from importlib.resources import files
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
 
 from rcopterx.ground_station.acceptance import checks, steps
 from rcopterx.ground_station.acceptance.checks import Check
 from rcopterx.ground_station.acceptance.flight import Manoeuvre
+from rcopterx.tables import table_beside
 
 
 def _manoeuvre(name: str, row: dict[str, Any]) -> Manoeuvre:
@@ -30,5 +29,5 @@ def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
-_TABLE: Final = tomllib.loads((files(__package__) / "manoeuvres.toml").read_text("utf-8"))
+_TABLE: Final = table_beside(__file__, "manoeuvres")
 MANOEUVRES: Final = MappingProxyType({name: _manoeuvre(name, row) for name, row in _TABLE.items()})

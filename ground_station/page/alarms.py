@@ -1,10 +1,8 @@
 """Alarms of the page: causes in words with a remedy, one line for all vehicles that share a cause."""
 
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Final
 
 from msgspec import Struct
@@ -12,6 +10,7 @@ from msgspec import Struct
 from rcopterx.ground_station.page.sentences import Level, taken_over
 from rcopterx.ground_station.quantities import battery_low, voltage
 from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.tables import table_beside
 
 GONE_S: Final = 10.0  # how long an alarm stays after its cause has ended
 UNSEEN_S: Final = 0.2  # time without a pose in flight from which it is an alarm
@@ -22,7 +21,7 @@ CHARGE: Final = "land it, and charge its battery"
 _SLOW_REMEDY: Final = (
     "end other programs, fly fewer vehicles or shorten horizons; rcopterx doctor measures it"
 )
-_REMEDIES: Final = tomllib.loads((files(__package__) / "alarms.toml").read_text("utf-8"))
+_REMEDIES: Final = table_beside(__file__, "alarms")
 """What to do, by what the arbiter's state and reason contain; the first one counts."""
 
 

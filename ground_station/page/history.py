@@ -1,17 +1,15 @@
 """The signals of a vehicle over time, for trails, sparklines and plots."""
 
-import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Final
 
 from rcopterx.ground_station.report.latency import TOTAL
 from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
+from rcopterx.tables import table_beside
 
 SAMPLE_S: Final = 0.1
 KEPT_S: Final = 120.0
-_TABLE: Final = tomllib.loads((files(__package__) / "signals.toml").read_text("utf-8"))
-SIGNALS: Final = tuple((name, *row) for name, row in _TABLE.items())
+SIGNALS: Final = tuple((name, *row) for name, row in table_beside(__file__, "signals").items())
 """Signals that plots offer: name, label, unit, digits after the point."""
 
 

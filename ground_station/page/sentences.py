@@ -3,30 +3,19 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final, Literal
 
-from msgspec import Struct
+from msgspec import Struct, convert
 
 from rcopterx.ground_station.quantities import battery_low, hover
 from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.tables import table_beside
 from rcopterx.vehicles.phases import Phase
 
 Level = Literal["off", "calm", "busy", "amber", "red"]
 DOWN_S: Final = 2.0  # age of the newest status of all vehicles from which a fleet counts as down
 
-_PHASES: Final[Mapping[str, tuple[str, str, Level]]] = {
-    Phase.FLYING: ("flies", "fly", "calm"),
-    Phase.TAKEOFF: ("takes off", "take off", "busy"),
-    Phase.LANDING: ("lands", "land", "busy"),
-    Phase.EMERGENCY: ("brought down", "brought down", "red"),
-    Phase.ARMED: ("armed", "armed", "busy"),
-    Phase.GROUND: ("on the floor", "on the floor", "off"),
-}
-_TAKEN_OVER: Final[Mapping[str, tuple[str, Level]]] = {
-    "hold": ("held", "amber"),
-    "descend": ("brought down", "red"),
-    "land": ("brought down", "red"),
-    "cut": ("motors cut", "red"),
-    "killed": ("KILLED", "red"),
-}
+_TABLE: Final = table_beside(__file__, "sentences")
+_PHASES: Final = convert(_TABLE["phases"], dict[str, tuple[str, str, Level]])
+_TAKEN_OVER: Final = convert(_TABLE["taken_over"], dict[str, tuple[str, Level]])
 
 
 class Words(Struct, frozen=True):

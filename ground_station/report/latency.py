@@ -10,15 +10,9 @@ from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.subscription import Source
 from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.tables import table_beside
 
-STAGES: Final = {
-    "tracker": "capture to Vicon gateway",
-    "gateway": "Vicon gateway to agent",
-    "agent": "pose at the agent to start of the controller",
-    "solver": "controller",
-    "command": "agent to transmitter gateway",
-    "radio": "transmitter gateway to serial port",
-}
+STAGES: Final = table_beside(__file__, "latency")
 """Extent of each stage, in order and without gaps."""
 TOTAL: Final = "total"
 WINDOW: Final = 500  # commands whose stages are kept for the live figures: ten seconds at 50 Hz

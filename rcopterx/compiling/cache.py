@@ -21,24 +21,10 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.places import try_place
+from rcopterx.tables import table_beside
 
 COMPLETE: Final = "complete"  # empty file in a directory of kernels that holds all of them
-MODULES: Final = (
-    "control.solver.sweep",
-    "simulator.helicopter",
-    "control.models.prediction",
-    "control.estimators.filters",
-    "control.estimators.kalman",
-    "control.solver.interior_point",
-    "control.solver.active_set",
-    "simulator.helicopter_dynamics",
-    "simulator.disturbance",
-    "control.references.sampling",
-    "control.models.roll_out",
-    "control.models.lateral",
-    "control.controllers.cascade.axis",
-    "control.controllers.cascade.lateral",
-)
+MODULES: Final[tuple[str, ...]] = tuple(table_beside(__file__, "kernels")["modules"])
 """Modules of kernels, in an order in which two compiling processes rarely wait for each other."""
 VARIABLE: Final = "RCOPTERX_KERNELS"  # environment variable with the cache's directory, if not the user's
 KEPT: Final = 10  # number of versions that stay in the cache, besides those of the last `KEPT_S`
