@@ -33,4 +33,5 @@ class AgentSettings:
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
+    subjects: tuple[str, ...] = ()  # names of tracked subjects that are no vehicles
     take_over: bool = False  # whether it takes over from an agent that flies the vehicle, once it is warm

@@ -168,9 +168,17 @@ class Obstacle(Struct, frozen=True):
 
     positions_m: Array
     """Its centre at the stages of the controller's horizon, inertial frame, shape (N, 3)."""
-    horizontal_m: float
-    vertical_m: float
-    """Half axes."""
+    horizontal_m: Array | float
+    vertical_m: Array | float
+    """Half axes, at each stage, shape (N,), or at all."""
+
+    @property
+    def half_axes_m(self) -> Array:
+        """Half axes along x, y, z, shape (N, 3)."""
+        axes_m = np.empty_like(self.positions_m)
+        axes_m[:, 0] = axes_m[:, 1] = self.horizontal_m
+        axes_m[:, 2] = self.vertical_m
+        return axes_m
 
 
 @runtime_checkable

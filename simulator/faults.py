@@ -125,9 +125,12 @@ class RemoveSubject(SubjectFault, frozen=True, tag="remove_subject"):
 
 
 class AddSubject(SubjectFault, frozen=True, tag="add_subject"):
-    """List one more subject, standing still."""
+    """List one more subject, which stands still, or goes on to further places on a smooth way."""
 
     position_m: Place = (0.0, 0.0, 0.0)
+    way_m: Annotated[tuple[Place, ...], Meta(max_length=50)] = ()
+    speed_m_s: Annotated[float, Meta(ge=0.01, le=10)] = 0.5
+    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.0  # of measurement noise on each axis
 
 
 class FreezePose(SubjectFault, frozen=True, tag="freeze_pose"):

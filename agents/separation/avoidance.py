@@ -70,11 +70,13 @@ def near(
             continue
         other = neighbour.plan
         other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
+        margin_m = other.margin_m(other.ahead_s + delay_s, period_s, stages)
+        axes_m = scale * ellipsoid.horizontal_m + margin_m, scale * ellipsoid.vertical_m + margin_m
+        others.append(Obstacle(other_m, *axes_m))
         gap_m = own_m - other_m
-        distance = float(ellipsoid.normalised(gap_m).min()) / scale
+        distance = float(np.linalg.norm(gap_m / others[-1].half_axes_m, axis=1).min())
         closest = min(closest, distance)
         closest_m = min(closest_m, float(np.linalg.norm(gap_m, axis=1).min()))
-        others.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
         if distance < NEAR:
             obstacles.append(others[-1])
     return Near(tuple(others), tuple(obstacles), closest < TOUCHING, closest_m)

@@ -95,6 +95,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         succession=succession_of(fleet, name),
         separation=ellipsoid if avoidance.enabled else None,
         hover_thrust_limits=hover_thrust_limits_of(fleet, name),
+        subjects=tuple(fleet.subjects),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
 
@@ -121,6 +122,7 @@ def succession_of(fleet: FleetFile, name: str) -> Succession:
         orders={
             leader: tuple(dict.fromkeys((*vehicle.successors, *promotable)))
             for leader, vehicle in fleet.vehicles.items()
-        },
+        }
+        | dict.fromkeys(fleet.subjects, tuple(promotable)),
         promotable=frozenset(promotable),
     )

@@ -49,7 +49,7 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
         bus=bus_address(fleet, fleet.tracker.host, "tracker"),
         host=host,
         port=port,
-        subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        subjects={subject: name for name, subject in fleet.tracked.items()},
         brand=brand_of(fleet),
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),

@@ -47,9 +47,13 @@ class FleetShown:
 
     def update(self, now_s: float) -> None:
         """Show the present state; `now_s` is the time of the fleet."""
-        states = {name: self._fleet.state_of(name) for name in self._fleet.file.vehicles}
+        file = self._fleet.file
+        states, subjects = (
+            {name: self._fleet.state_of(name) for name in names} for names in (file.vehicles, file.subjects)
+        )
+        moving = states | {name: state for name, state in subjects.items() if state.position_m}
         self._timeline.compare(now_s, states)
-        self._screen.put("motion", {name: motion_of(state, states) for name, state in states.items()})
+        self._screen.put("motion", {name: motion_of(state, moving) for name, state in moving.items()})
         if now_s >= self._next_sample_s:
             self._next_sample_s = now_s + 0.9 * SAMPLE_S
             newest = {name: inbox.latest() for name, inbox in self._applied.inboxes.items()}

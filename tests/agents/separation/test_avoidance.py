@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
+from msgspec.structs import replace
 from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 from support.vehicle_types import COAXIAL_LAG
@@ -66,6 +67,14 @@ def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
     (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, STAGES, 0.0).obstacles
     assert obstacle.horizontal_m == pytest.approx(0.175)
     assert near(CLEARANCE, {"h2": flying(0.0, 0.0, scale=0.0)}, OWN, 0.02, STAGES, 0.0).obstacles == ()
+
+
+def test_others_keep_farther_from_a_subject_whose_future_is_a_guess() -> None:
+    plan = replace(flying(0.0, 1.0).plan, margins_m=(0.0, 0.3))
+    (obstacle,) = near(CLEARANCE, {"wand": NeighbourPlan(plan, 1.0)}, OWN, 0.01, STAGES, 0.0).neighbours
+    assert obstacle.half_axes_m[0] == pytest.approx((0.35, 0.35, 0.6))
+    assert obstacle.half_axes_m[1] == pytest.approx((0.5, 0.5, 0.75))
+    assert obstacle.half_axes_m[2:] == pytest.approx(np.tile((0.65, 0.65, 0.9), (STAGES - 2, 1)))
 
 
 @given(
