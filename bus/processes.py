@@ -31,7 +31,6 @@ class Role(NamedTuple):
 AGENT: Final = "agent"
 TRANSMITTERS: Final = "transmitters"  # transmitter gateways
 TRACKER: Final = "tracker"
-SUBJECTS: Final = "subjects"  # plans of tracked subjects that are no vehicles
 SIMULATOR: Final = "simulator"  # in lockstep it advances the time
 RECORDER: Final = "recorder"  # of the flight log
 LEARNER: Final = "learner"  # of models of vehicles
@@ -46,7 +45,6 @@ ROLES: Final = {
         Role(LEARNER, "host", 0, Duty.BACKGROUND, in_lockstep=True),
         Role(SIMULATOR, "host", 3, Duty.BACKGROUND),
         Role(TRACKER, "host", 2, spare=True, needed_by_all=True, in_lockstep=True),
-        Role(SUBJECTS, "host", 1, spare=True, in_lockstep=True),
         Role(
             TRANSMITTERS, "gateway", 1, Duty.RADIO,
             spare=True, needed_by_all=True, in_lockstep=True, knows_flying=True,

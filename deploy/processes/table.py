@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus import processes
+from rcopterx.bus.processes import AGENT, LEARNER, RECORDER, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
 from rcopterx.fleet.schema import FleetFile, check_known
 
 EXIT_ELSEWHERE: Final = 4  # of an agent whose vehicle another one flies, and which is not restarted
@@ -34,25 +34,22 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     # Routers import this module and start without the limits of vehicles.
     from rcopterx.fleet.vehicle_models import learning_models, longest_shutdown_s
 
-    logs, tracks = host == (fleet.log.host or next(iter(fleet.hosts))), host == fleet.tracker.host
-    simulates = fleet.simulator is not None and fleet.simulator.host == host
-    of_host = {
-        processes.ROUTER: True,
-        processes.RECORDER: logs,
+    specs = [ProcessSpec(ROUTER, ROUTER, host)]
+    if host == (fleet.log.host or next(iter(fleet.hosts))):
+        specs.append(ProcessSpec(RECORDER, RECORDER, host))
         # It sends requests of an operator.
-        processes.LEARNER: logs and fleet.hosts[host].steering and bool(learning_models(fleet)),
-        processes.SIMULATOR: simulates,
-        processes.TRACKER: tracks,
-        processes.SUBJECTS: tracks and bool(fleet.subjects),
-    }
-    specs = [ProcessSpec(role, role, host) for role, runs in of_host.items() if runs]
-    landing_s = fleet.clock.real_s(longest_shutdown_s(fleet, host))
+        if fleet.hosts[host].steering and learning_models(fleet):
+            specs.append(ProcessSpec(LEARNER, LEARNER, host))
+    if fleet.simulator is not None and fleet.simulator.host == host:
+        specs.append(ProcessSpec(SIMULATOR, SIMULATOR, host))
+    if fleet.tracker.host == host:
+        specs.append(ProcessSpec(TRACKER, TRACKER, host))
     specs += [
-        ProcessSpec(name, processes.TRANSMITTERS, name, landing_s=landing_s)
+        ProcessSpec(name, TRANSMITTERS, name, landing_s=fleet.clock.real_s(longest_shutdown_s(fleet, host)))
         for name, gateway in fleet.gateways.items()
         if gateway.host == host and fleet.served_by(name)
     ]
-    specs += [ProcessSpec(agent_process(name), processes.AGENT, name, host) for name in fleet.agents_on(host)]
+    specs += [ProcessSpec(agent_process(name), AGENT, name, host) for name in fleet.agents_on(host)]
     return specs
 
 

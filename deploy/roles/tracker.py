@@ -1,16 +1,20 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known, errors_at
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.user_text import TextError, host_and_port
+from rcopterx.vehicles.state import three
 from rcopterx.vicon_gateway.client import LibraryMissingError
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
@@ -18,6 +22,7 @@ from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # a Vicon Tracker needs no other brand
     from rcopterx.vicon_gateway.external_poses import PoseLink
+    from rcopterx.vicon_gateway.subject_plans import PlannedSubjects
 
 OWN_CLIENT: Final = "vicon"
 
@@ -54,7 +59,25 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
         pose_links=_pose_links(fleet),
+        planned=_planned(fleet) if fleet.subjects else None,
     )
+
+
+def _planned(fleet: FleetFile) -> "PlannedSubjects":
+    """Return the subjects that are no vehicles, with the limits of what every vehicle can follow."""
+    # Numerical libraries, which other Vicon gateways do not need.
+    import numpy as np
+
+    from rcopterx.formation.profile_limits import profile_limits_of
+    from rcopterx.vicon_gateway.subject_plans import PlannedSubjects
+
+    margins_m = {name: subject.margin_m for name, subject in fleet.subjects.items()}
+    models, leader = {name: model_of(fleet, name) for name in fleet.vehicles}, next(iter(margins_m))
+    limits = profile_limits_of(dict.fromkeys(models, (LeaderLink(leader=leader),)), models, leader)
+    # Unlike a set point, a person waits for no vehicle: followers use all of their sticks.
+    reach = three(np.min([model.reach for model in models.values()], axis=0))
+    period_s = min(vehicle.control.period_s for vehicle in fleet.vehicles.values())
+    return PlannedSubjects(margins_m, limits and replace(limits, acceleration=reach), period_s)
 
 
 def _pose_links(fleet: FleetFile) -> "dict[str, PoseLink]":

@@ -33,7 +33,6 @@ recorder = _of_host("recorder", "Run the recorder: messages of the bus to a flig
 learner = _of_host("learner", "Run the learner: models of vehicles from their ordinary flight.")
 simulator = _of_host("simulator", "Run the simulated laboratory: Tracker, radio modules and vehicles.")
 tracker = _of_host("tracker", "Run the Vicon gateway: motion capture to poses.")
-subjects = _of_host("subjects", "Run what plans for tracked subjects that are no vehicles, as a wand.")
 
 
 def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT_FLEET) -> None:

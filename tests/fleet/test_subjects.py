@@ -2,8 +2,6 @@
 
 import pytest
 
-from rcopterx.bus.processes import SUBJECTS
-from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.agent import agent_settings
 from rcopterx.deploy.roles.tracker import tracker_settings
@@ -27,10 +25,13 @@ def test_subjects_have_poses_and_agents_can_follow_them() -> None:
     assert list(fleet.vehicles) == ["h1"]
 
 
-def test_one_process_plans_for_all_subjects_where_there_are_any() -> None:
-    names = [[spec.name for spec in processes_of(parse_fleet(text), "main")] for text in (ONE, WAND)]
-    assert SUBJECTS not in names[0]
-    assert names[1].count(SUBJECTS) == 1
+def test_the_vicon_gateway_plans_for_subjects_within_what_vehicles_can_follow() -> None:
+    assert tracker_settings(parse_fleet(ONE)).planned is None
+    planned = tracker_settings(parse_fleet(WAND)).planned
+    assert planned is not None
+    assert planned.margins_m == {"wand": 0.1, "hand": 0.2}
+    assert planned.limits is not None
+    assert 0.5 < planned.limits.rate[0] < 2.0
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def role(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
             "pilot",
             "h1",
             "role: unknown role 'pilot', known are router, recorder, learner, simulator, tracker, "
-            "subjects, transmitters, agent",
+            "transmitters, agent",
         ),
         ("agent", "h9", "agent: unknown unit 'h9', known are h1, h2"),
         ("router", "roof", "router: unknown unit 'roof', known are main"),

@@ -1,22 +1,19 @@
-"""Motion and plan of a tracked subject, as a wand or a hand, from its poses alone.
+"""Motion of a tracked subject that is no vehicle, as a wand or a hand, from its poses alone.
 
 A Kalman filter estimates place, heading, their rates and accelerations. The filter and the plan have the same
 model, in which accelerations and rates die out, because what people move comes to rest (docs/formation.md).
 """
 
-from functools import cache
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from rcopterx.agents.estimation import StampedMeasurement
-from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.control.models.linear import noise_over
 from rcopterx.control.references.columns import COLUMNS, POSITION
 from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.control.references.trajectory import Trajectory, nearest_heading
-from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.state import YAW, Array
 
 RATE_S: Final = 1.0
@@ -37,7 +34,7 @@ DEVIATIONS: Final = 0.5  # standard deviations of its place that others keep in 
 MOST_M: Final = 0.3  # ...at most
 
 
-@cache
+@lru_cache
 def _over(period_s: float) -> tuple[Array, Array]:
     """Return the transition over a period, and the covariance that it adds."""
     return np.asarray(expm(period_s * DYNAMICS)), noise_over(DYNAMICS, NOISE, period_s)
@@ -48,53 +45,52 @@ _TRANSITIONS: Final = np.array([transition for transition, _ in _STAGES])
 _ADDED: Final = np.array([added[0, 0] for _, added in _STAGES])
 
 
-class SubjectTrack:
+class SubjectPlan(NamedTuple):
+    """Predicted motion, and how much farther than from a vehicle to keep at each stage."""
+
+    trajectory: Trajectory
+    margins_m: Array
+
+
+class SubjectMotion:
     """Estimated motion of one subject; `limits` are what followers can fly, if that is known."""
 
     def __init__(self, limits: ProfileLimits | None = None) -> None:
-        self.clock = FleetClock()
         self._limits = limits
         self.motion: Array = np.zeros((3, 4))
         """Place x, y, z and heading, in the rows below their rates and accelerations."""
         self._covariance = np.diag(UNKNOWN**2)  # of one column
-        self._began_s = self._seen_s = -np.inf
+        self.unseen_s = np.inf  # for so long it has not been seen; infinite before it was
+        self._known_s = 0.0  # since it appeared, or jumped
 
     @property
-    def unseen_s(self) -> float:
-        """How long the subject has not been seen; infinite before it was."""
-        return self.clock.time_s - self._seen_s
+    def followable(self) -> bool:
+        """Whether vehicles may follow it now."""
+        return self._known_s >= SETTLING_S and self.unseen_s <= FOLLOWED_S
 
-    def observe(self, frame: StampedMeasurement) -> bool:
-        """Process a frame; return False if it is older than the last one."""
-        periods = self.clock.frames_until(frame.epoch, frame.frame, frame.period_s)
-        if periods < 0:
-            return False
-        transition, added = _over(frame.period_s)
-        for _ in range(periods):
-            self.clock.pass_period()
-            if self.unseen_s <= AVOIDED_S:
-                self.motion = transition @ self.motion
-                self._covariance = transition @ self._covariance @ transition.T + added
-        if frame.measurement is not None:
-            near_rad = float(self.motion[0, YAW])
-            yaw_rad = nearest_heading(frame.measurement.yaw_rad, near_rad)
-            self._correct(np.append(frame.measurement.position_m, yaw_rad))
-        return True
+    def advance(self, elapsed_s: float) -> None:
+        """Predict over the time since the last frame."""
+        self.unseen_s, self._known_s = self.unseen_s + elapsed_s, self._known_s + elapsed_s
+        if self.unseen_s <= AVOIDED_S:
+            transition, added = _over(elapsed_s)
+            self.motion = transition @ self.motion
+            self._covariance = transition @ self._covariance @ transition.T + added
 
-    def _correct(self, place: Array) -> None:
+    def correct(self, position_m: Array, yaw_rad: float) -> None:
         """Correct by a place with its heading, or begin there."""
+        place = np.append(position_m, nearest_heading(yaw_rad, float(self.motion[0, YAW])))
         surprise, variance = place - self.motion[0], float(self._covariance[0, 0]) + MEASURED_M**2
         reach_m = JUMP_M + JUMP_DEVIATIONS * float(np.sqrt(variance))
         if self.unseen_s > FOLLOWED_S or np.linalg.norm(surprise[POSITION]) > reach_m:
             self.motion, self._covariance = np.zeros((3, 4)), np.diag(UNKNOWN**2)
-            self.motion[0], self._began_s = place, self.clock.time_s
+            self.motion[0], self._known_s = place, 0.0
         else:
             gain = self._covariance[:, 0] / variance
             self.motion = self.motion + np.outer(gain, surprise)
             self._covariance = self._covariance - np.outer(gain, self._covariance[0])
-        self._seen_s = self.clock.time_s
+        self.unseen_s = 0.0
 
-    def plan(self) -> LeaderPlan | None:
+    def plan(self) -> SubjectPlan | None:
         """Return the plan from the present on; None if the subject has not been seen for a while."""
         if self.unseen_s > AVOIDED_S:
             return None
@@ -102,11 +98,8 @@ class SubjectTrack:
         beyond_m = np.linalg.norm((_TRANSITIONS @ self.motion)[:, 0, POSITION] - flown[:, POSITION], axis=1)
         by_place = _TRANSITIONS[:, 0]
         variance = np.einsum("ki,ij,kj->k", by_place, self._covariance, by_place) + _ADDED
-        margins = np.minimum(beyond_m + DEVIATIONS * np.sqrt(variance), MOST_M)
-        settled = self.clock.time_s - self._began_s >= SETTLING_S
-        followable = settled and self.unseen_s <= FOLLOWED_S
-        trajectory = Trajectory(flown, PERIOD_S)
-        return LeaderPlan(trajectory, 0.0, followable, margins_m=tuple(margins.tolist()))
+        margins_m = np.minimum(beyond_m + DEVIATIONS * np.sqrt(variance), MOST_M)
+        return SubjectPlan(Trajectory(flown, PERIOD_S), margins_m)
 
     def _limited(self) -> Array:
         """Return the motion within the limits."""
