@@ -19,7 +19,7 @@ class AgentSettings:
 
     bus: BusAddress
     vehicle: str
-    vehicles: tuple[str, ...]  # names of all vehicles of the fleet
+    vehicles: tuple[str, ...]  # names of all vehicles of the fleet, and of subjects that may lead
     model: Model
     room: Room  # set points outside, and offsets that bring vehicles too close, are refused
     configuration: Configuration = field(default_factory=Configuration)  # controller and estimator at start
@@ -33,5 +33,4 @@ class AgentSettings:
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
-    subjects: tuple[str, ...] = ()  # names of tracked subjects that are no vehicles
     take_over: bool = False  # whether it takes over from an agent that flies the vehicle, once it is warm

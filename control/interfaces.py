@@ -168,17 +168,8 @@ class Obstacle(Struct, frozen=True):
 
     positions_m: Array
     """Its centre at the stages of the controller's horizon, inertial frame, shape (N, 3)."""
-    horizontal_m: Array | float
-    vertical_m: Array | float
-    """Half axes, at each stage, shape (N,), or at all."""
-
-    @property
-    def half_axes_m(self) -> Array:
-        """Half axes along x, y, z, shape (N, 3)."""
-        axes_m = np.empty_like(self.positions_m)
-        axes_m[:, 0] = axes_m[:, 1] = self.horizontal_m
-        axes_m[:, 2] = self.vertical_m
-        return axes_m
+    half_axes_m: Array
+    """Along x, y, z, at the same stages, shape (N, 3)."""
 
 
 @runtime_checkable

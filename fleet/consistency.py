@@ -147,7 +147,7 @@ def _check_leaders(fleet: FleetFile) -> None:
     for name, vehicle in fleet.vehicles.items():
         for number, link in enumerate(vehicle.follow):
             where = f"vehicles.{name}.follow[{number}].leader"
-            check_known(where, "vehicle", link.leader, fleet.vehicles)
+            check_known(where, "vehicle", link.leader, fleet.tracked)
             if link.leader == name:
                 raise FleetError(f"{where}: {name} cannot follow itself, that is a cycle")
         _check_once(f"vehicles.{name}.follow[{{}}].leader", [link.leader for link in vehicle.follow])

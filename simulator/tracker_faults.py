@@ -10,12 +10,12 @@ import numpy as np
 
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vehicles.state import three
 from rcopterx.vehicles.tuples import Three
 from rcopterx.vicon_gateway.wire import ObjectType
 
 NOISE_SEED = 1  # the same fault shows the same noise
 SMOOTHED_S = 0.8  # over which the way of an added subject is averaged, so that it moves as a hand does
-SHORTEST_LEG_S = 0.1  # of such a way
 _AGES_S = np.linspace(0.0, SMOOTHED_S, 200)
 _WEIGHTS = (1.0 - np.cos(2.0 * np.pi * _AGES_S / SMOOTHED_S)) / 199.0
 
@@ -189,14 +189,11 @@ class TrackerFaults:
 
 def _on_way(fault: faults.AddSubject, age_s: float) -> Three:
     """Place of a subject on its way through its places, averaged over the last moments."""
-    places_m = np.array((fault.position_m, *fault.way_m))
-    legs_s = np.linalg.norm(np.diff(places_m, axis=0), axis=1) / fault.speed_m_s
-    times_s = np.append(0.0, np.cumsum(np.maximum(legs_s, SHORTEST_LEG_S)))
-    x, y, z = (
-        float(axis_m[0] + (np.interp(age_s - _AGES_S, times_s, axis_m) - axis_m[0]) @ _WEIGHTS)
-        for axis_m in places_m.T
-    )
-    return x, y, z
+    begin_m = np.array(fault.position_m)
+    way_m = np.array((begin_m, *fault.way_m)) - begin_m
+    legs_s = np.linalg.norm(np.diff(way_m, axis=0), axis=1) / fault.speed_m_s
+    times_s = np.append(0.0, np.cumsum(legs_s))
+    return three(begin_m + [np.interp(age_s - _AGES_S, times_s, axis_m) @ _WEIGHTS for axis_m in way_m.T])
 
 
 def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:

@@ -3,7 +3,7 @@
 import logging
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +27,7 @@ from rcopterx.vicon_gateway.recording import RecordingFile
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # imports in vain where there is a Vicon Tracker
     from rcopterx.vicon_gateway.external_poses import PoseLink, PoseSender  # their library is an extra
-    from rcopterx.vicon_gateway.subject_plans import PlannedSubjects, SubjectPlans  # few fleets have any
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans  # few fleets have any
 
 SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
@@ -101,7 +101,7 @@ def _in_a_room(position: Position) -> bool:
 @dataclass(frozen=True)
 class TrackerSettings:
     """Motion capture, None for Vicon as `brand`; subjects; a new file for the raw stream, if any; links of
-    vehicles that get their poses from this process; and those subjects that are no vehicles."""
+    vehicles that get their poses from this process; and what plans for subjects that are no vehicles."""
 
     bus: BusAddress
     host: str
@@ -111,7 +111,7 @@ class TrackerSettings:
     record_raw: Path | None = None
     realtime_priority: int = 0
     pose_links: "Mapping[str, PoseLink]" = field(default_factory=dict)
-    planned: "PlannedSubjects | None" = None
+    subject_plans: "Callable[[Session], SubjectPlans] | None" = None
 
 
 STATUS_PERIOD_S = 0.2
@@ -302,11 +302,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
 
             sender = PoseSender(settings.pose_links)
             stack.callback(sender.close)
-        plans = None
-        if settings.planned is not None:
-            from rcopterx.vicon_gateway.subject_plans import SubjectPlans
-
-            plans = SubjectPlans(settings.planned, session)
+        plans = None if settings.subject_plans is None else settings.subject_plans(session)
         gateway = TrackerGateway(settings, client, session, realtime, path, sender, plans)
         heartbeat = own_heartbeat()
         prepare_loop()

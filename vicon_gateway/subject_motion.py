@@ -5,7 +5,7 @@ model, in which accelerations and rates die out, because what people move comes 
 """
 
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
@@ -14,6 +14,7 @@ from rcopterx.control.models.linear import noise_over
 from rcopterx.control.references.columns import COLUMNS, POSITION
 from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.control.references.trajectory import Trajectory, nearest_heading
+from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.state import YAW, Array
 
 RATE_S: Final = 1.0
@@ -45,13 +46,6 @@ _TRANSITIONS: Final = np.array([transition for transition, _ in _STAGES])
 _ADDED: Final = np.array([added[0, 0] for _, added in _STAGES])
 
 
-class SubjectPlan(NamedTuple):
-    """Predicted motion, and how much farther than from a vehicle to keep at each stage."""
-
-    trajectory: Trajectory
-    margins_m: Array
-
-
 class SubjectMotion:
     """Estimated motion of one subject; `limits` are what followers can fly, if that is known."""
 
@@ -62,11 +56,6 @@ class SubjectMotion:
         self._covariance = np.diag(UNKNOWN**2)  # of one column
         self.unseen_s = np.inf  # for so long it has not been seen; infinite before it was
         self._known_s = 0.0  # since it appeared, or jumped
-
-    @property
-    def followable(self) -> bool:
-        """Whether vehicles may follow it now."""
-        return self._known_s >= SETTLING_S and self.unseen_s <= FOLLOWED_S
 
     def advance(self, elapsed_s: float) -> None:
         """Predict over the time since the last frame."""
@@ -90,7 +79,7 @@ class SubjectMotion:
             self._covariance = self._covariance - np.outer(gain, self._covariance[0])
         self.unseen_s = 0.0
 
-    def plan(self) -> SubjectPlan | None:
+    def plan(self) -> LeaderPlan | None:
         """Return the plan from the present on; None if the subject has not been seen for a while."""
         if self.unseen_s > AVOIDED_S:
             return None
@@ -99,7 +88,8 @@ class SubjectMotion:
         by_place = _TRANSITIONS[:, 0]
         variance = np.einsum("ki,ij,kj->k", by_place, self._covariance, by_place) + _ADDED
         margins_m = np.minimum(beyond_m + DEVIATIONS * np.sqrt(variance), MOST_M)
-        return SubjectPlan(Trajectory(flown, PERIOD_S), margins_m)
+        followable = self._known_s >= SETTLING_S and self.unseen_s <= FOLLOWED_S
+        return LeaderPlan(Trajectory(flown, PERIOD_S), 0.0, followable, margins_m=tuple(margins_m.tolist()))
 
     def _limited(self) -> Array:
         """Return the motion within the limits."""

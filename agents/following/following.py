@@ -143,13 +143,7 @@ class Following:
         neighbours = partial(bus.subscribe, channels.PLAN, waking=False)
         self.traffic = Traffic(vehicle, settings.separation, neighbours)
         self.changes = LeaderChanges(
-            vehicle,
-            (*settings.vehicles, *settings.subjects),
-            settings.room,
-            pilot,
-            self.plans,
-            self.peers,
-            bus.clock,
+            vehicle, settings.vehicles, settings.room, pilot, self.plans, self.peers, bus.clock
         )
         self.lost = LostLeaders(vehicle, settings.succession, pilot, self.plans, self.peers, bus.clock)
 

@@ -21,9 +21,9 @@ def leader_plan(plan: Plan, clock: FleetClock, avoided: bool = False) -> LeaderP
     """Return a plan of the same epoch on the clock of this vehicle, to be followed or avoided."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
     trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
-    packed, margins_m = (None, plan.margins_m) if avoided else (plan.nominal, ())
+    packed, margins_m = (None, plan.margins_m) if avoided else (plan.nominal, None)
     nominal = None if packed is None else Trajectory(packed.to_numpy(), plan.period_s)
-    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal, margins_m)
+    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal, margins_m or (0.0,))
 
 
 class LeaderPlans:

@@ -29,10 +29,14 @@ class SeparationEllipsoid:
             if not 0.0 < value <= 5.0:
                 raise ValueError(f"{name}: {value:g}, must be above 0 and at most 5")
 
+    @property
+    def half_axes_m(self) -> Array:
+        """Half axes along x, y, z."""
+        return np.array((self.horizontal_m, self.horizontal_m, self.vertical_m))
+
     def normalised(self, gap_m: Array) -> Array:
         """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
-        half_axes_m = (self.horizontal_m, self.horizontal_m, self.vertical_m)
-        return np.asarray(np.linalg.norm(gap_m / half_axes_m, axis=-1))
+        return np.asarray(np.linalg.norm(gap_m / self.half_axes_m, axis=-1))
 
 
 class NeighbourPlan(Struct, frozen=True):
@@ -70,11 +74,11 @@ def near(
             continue
         other = neighbour.plan
         other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
-        margin_m = other.margin_m(other.ahead_s + delay_s, period_s, stages)
-        axes_m = scale * ellipsoid.horizontal_m + margin_m, scale * ellipsoid.vertical_m + margin_m
-        others.append(Obstacle(other_m, *axes_m))
+        margins_m = other.margins_at(other.ahead_s + delay_s, period_s, stages)
+        half_axes_m = scale * ellipsoid.half_axes_m + margins_m[:, None]
+        others.append(Obstacle(other_m, half_axes_m))
         gap_m = own_m - other_m
-        distance = float(np.linalg.norm(gap_m / others[-1].half_axes_m, axis=1).min())
+        distance = float(np.linalg.norm(gap_m / half_axes_m, axis=1).min())
         closest = min(closest, distance)
         closest_m = min(closest_m, float(np.linalg.norm(gap_m, axis=1).min()))
         if distance < NEAR:

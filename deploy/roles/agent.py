@@ -83,7 +83,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
     return AgentSettings(
         bus=bus_address(fleet, host or vehicle.host, agent_process(name)),
         vehicle=name,
-        vehicles=tuple(fleet.vehicles),
+        vehicles=tuple(fleet.tracked),
         model=models[name],
         room=room_of(fleet, name),
         configuration=configured(fleet, name),
@@ -95,7 +95,6 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         succession=succession_of(fleet, name),
         separation=ellipsoid if avoidance.enabled else None,
         hover_thrust_limits=hover_thrust_limits_of(fleet, name),
-        subjects=tuple(fleet.subjects),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
 

@@ -1,6 +1,7 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -22,7 +23,7 @@ from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # a Vicon Tracker needs no other brand
     from rcopterx.vicon_gateway.external_poses import PoseLink
-    from rcopterx.vicon_gateway.subject_plans import PlannedSubjects
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans
 
 OWN_CLIENT: Final = "vicon"
 
@@ -59,17 +60,17 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
         pose_links=_pose_links(fleet),
-        planned=_planned(fleet) if fleet.subjects else None,
+        subject_plans=_subject_plans(fleet) if fleet.subjects else None,
     )
 
 
-def _planned(fleet: FleetFile) -> "PlannedSubjects":
-    """Return the subjects that are no vehicles, with the limits of what every vehicle can follow."""
+def _subject_plans(fleet: FleetFile) -> "partial[SubjectPlans]":
+    """Return what plans for subjects that are no vehicles, within what every vehicle can follow."""
     # Numerical libraries, which other Vicon gateways do not need.
     import numpy as np
 
     from rcopterx.formation.profile_limits import profile_limits_of
-    from rcopterx.vicon_gateway.subject_plans import PlannedSubjects
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans
 
     margins_m = {name: subject.margin_m for name, subject in fleet.subjects.items()}
     models, leader = {name: model_of(fleet, name) for name in fleet.vehicles}, next(iter(margins_m))
@@ -77,7 +78,7 @@ def _planned(fleet: FleetFile) -> "PlannedSubjects":
     # Unlike a set point, a person waits for no vehicle: followers use all of their sticks.
     reach = three(np.min([model.reach for model in models.values()], axis=0))
     period_s = min(vehicle.control.period_s for vehicle in fleet.vehicles.values())
-    return PlannedSubjects(margins_m, limits and replace(limits, acceleration=reach), period_s)
+    return partial(SubjectPlans, margins_m, limits and replace(limits, acceleration=reach), period_s)
 
 
 def _pose_links(fleet: FleetFile) -> "dict[str, PoseLink]":

@@ -38,12 +38,12 @@ def move(fleet, subject, way_m, speed_m_s):
     return length_m / speed_m_s + 1.0
 
 
-def lead(fleet):
+def lead(fleet, way_m=LED_M, speed_m_s=0.5):
     """Let the wand lead the formation at half a metre a second."""
-    fleet.wait(move(fleet, "wand", LED_M[:1], 0.5) + SETTLING_S)
+    fleet.wait(move(fleet, "wand", way_m[:1], speed_m_s) + SETTLING_S)
     print(fleet["h1"].follow("wand", (-0.9, 0.0, 0.0)))
     fleet.wait(SETTLING_S)
-    fleet.wait(move(fleet, "wand", LED_M, 0.5))
+    fleet.wait(move(fleet, "wand", way_m, speed_m_s))
 
 
 def lose(fleet):
@@ -56,11 +56,11 @@ def lose(fleet):
     return did
 
 
-def walk(fleet):
+def walk(fleet, way_m=WALK_M, speed_m_s=1.0):
     """Let the formation hover, and a hand walk through it at a metre a second."""
     fleet["h1"].go_to((0.0, 0.0, 1.0))
     fleet.wait_for_arrival(["h1"])
-    fleet.wait(move(fleet, "right_hand", WALK_M, 1.0))
+    fleet.wait(move(fleet, "right_hand", way_m, speed_m_s))
     fleet.wait_for_formation()
 
 

@@ -47,12 +47,9 @@ class FleetShown:
 
     def update(self, now_s: float) -> None:
         """Show the present state; `now_s` is the time of the fleet."""
-        file = self._fleet.file
-        states, subjects = (
-            {name: self._fleet.state_of(name) for name in names} for names in (file.vehicles, file.subjects)
-        )
-        moving = states | {name: state for name, state in subjects.items() if state.position_m}
+        states = {name: self._fleet.state_of(name) for name in self._fleet.file.vehicles}
         self._timeline.compare(now_s, states)
+        moving = states | {name: self._fleet.state_of(name) for name in self._fleet.file.subjects}
         self._screen.put("motion", {name: motion_of(state, moving) for name, state in moving.items()})
         if now_s >= self._next_sample_s:
             self._next_sample_s = now_s + 0.9 * SAMPLE_S

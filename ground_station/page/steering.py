@@ -204,7 +204,7 @@ def _arguments_of(name: str) -> type[Struct]:
 
 
 def decode(
-    text: str, steering: PageSteering, vehicles: Collection[str], leaders: Collection[str] = ()
+    text: str, steering: PageSteering, vehicles: Collection[str], leaders: Collection[str]
 ) -> Callable[[], object]:
     """Return what carries out a request; raises `RequestRejectedError` where it is none of the page."""
     try:
@@ -214,7 +214,7 @@ def decode(
         arguments = msgspec.structs.asdict(msgspec.convert(request.arguments, _arguments_of(request.do)))
     except msgspec.MsgspecError as error:
         raise RequestRejectedError(f"not a request of the page: {error}") from None
-    for name, known in ((arguments.get("name"), ()), (arguments.get("leader"), leaders)):
-        if name is not None and name not in vehicles and name not in known:
+    for name, known in ((arguments.get("name"), vehicles), (arguments.get("leader"), leaders)):
+        if name is not None and name not in known:
             raise RequestRejectedError(f"no vehicle {name!r}")
     return partial(getattr(steering, request.do), **arguments)

@@ -1,10 +1,13 @@
 """Tracked subjects that are no vehicles, in a fleet file."""
 
+from functools import partial
+
 import pytest
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.agent import agent_settings
 from rcopterx.deploy.roles.tracker import tracker_settings
+from rcopterx.fleet.formation_check import check_formation, room_of, start_places
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -20,18 +23,29 @@ WAND = ONE + '[subjects.wand]\n[subjects.hand]\nsubject = "right hand"\nmargin_m
 def test_subjects_have_poses_and_agents_can_follow_them() -> None:
     fleet = parse_fleet(WAND)
     assert tracker_settings(fleet).subjects == {"heli1": "h1", "wand": "wand", "right hand": "hand"}
-    assert agent_settings(fleet, "h1").subjects == ("wand", "hand")
+    assert agent_settings(fleet, "h1").vehicles == ("h1", "wand", "hand")
     assert {"wand", "hand"} < bus_address(fleet, "main").units
     assert list(fleet.vehicles) == ["h1"]
 
 
 def test_the_vicon_gateway_plans_for_subjects_within_what_vehicles_can_follow() -> None:
-    assert tracker_settings(parse_fleet(ONE)).planned is None
-    planned = tracker_settings(parse_fleet(WAND)).planned
-    assert planned is not None
-    assert planned.margins_m == {"wand": 0.1, "hand": 0.2}
-    assert planned.limits is not None
-    assert 0.5 < planned.limits.rate[0] < 2.0
+    assert tracker_settings(parse_fleet(ONE)).subject_plans is None
+    plans = tracker_settings(parse_fleet(WAND)).subject_plans
+    assert isinstance(plans, partial)
+    margins_m, limits, period_s = plans.args
+    assert margins_m == {"wand": 0.1, "hand": 0.2}
+    assert 0.5 < limits.rate[0] < 2.0
+    assert period_s == 0.02
+
+
+def test_a_vehicle_may_follow_a_subject_from_the_start() -> None:
+    follow = 'follow = [{ leader = "wand", offset_m = [-0.9, 0.0, 0.0] }]\n'
+    fleet = parse_fleet(ONE + follow + "[subjects.wand]\n[simulator]\n")
+    check_formation(fleet, room_of(fleet))
+    assert start_places(fleet)["h1"] == (-0.9, 0.0, 0.0, 0.0)
+    assert agent_settings(fleet, "h1").following[0].leader == "wand"
+    with pytest.raises(FleetError, match=r"follow\[0\]\.leader: unknown vehicle 'wand', known are h1, hand"):
+        parse_fleet(ONE + follow + "[subjects.hand]\n")
 
 
 @pytest.mark.parametrize(

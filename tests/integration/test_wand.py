@@ -1,9 +1,11 @@
-"""The example of a wand that leads and a hand that walks through a formation, with the figures of both."""
+"""A wand that leads and a hand that walks through a formation, with the figures of both."""
 
+import math
 import uuid
 from collections.abc import Callable
 from pathlib import Path
 from runpy import run_path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,56 +13,137 @@ from integration_support import Flying
 from support.bus import free_port
 
 from rcopterx.bus import channels
+from rcopterx.vehicles.tuples import Three
 
-pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(400)]
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wand" / "wand.py"
 NAMES = ("h1", "h2", "h3", "h4", "h5")
+PERIOD_S = 0.02
 BEHIND_MM = 40.0
 DISTANCE_M = 0.35
 HELD_M = 0.15
 
+Way = tuple[Three, ...]
+EIGHT_M = tuple(
+    (0.9 + 0.55 * math.sin(2.0 * angle) * 0.6, 0.55 * math.sin(angle), 1.0 + 0.1 * math.sin(angle))
+    for angle in np.linspace(0.0, 2.0 * math.pi, 25).tolist()
+)
+THERE_AND_BACK_M = (
+    (0.9, 0.0, 1.0),
+    (0.9, 0.6, 1.0),
+    (0.9, -0.6, 1.2),
+    (0.9, 0.0, 1.0),
+    (0.3, 0.0, 1.0),
+    (0.9, 0.0, 1.0),
+)
+WALKS_M: dict[str, Way] = {
+    "past the middle": ((1.7, 0.25, 1.0), (-1.7, 0.25, 1.0)),
+    "at the vehicle in the middle": ((1.7, 0.0, 1.0), (-1.7, 0.0, 1.0)),
+    "across, above": ((0.2, 1.7, 1.2), (0.2, -1.7, 1.2)),
+    "at two vehicles": ((-0.6, 1.7, 1.0), (-0.6, -1.7, 1.0)),
+    "from corner to corner": ((1.6, 1.4, 0.8), (-1.6, -1.4, 1.1)),
+    "in and out again": ((1.7, 0.3, 1.0), (0.35, 0.3, 1.0), (1.7, -0.3, 1.0)),
+}
 
-def test_five_follow_a_wand_and_make_way_for_a_hand(launch: Callable[..., Flying]) -> None:
-    example = run_path(str(EXAMPLE))
-    text = example["FLEET"].read_text().replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}")
-    flying = launch(f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
-    fleet = flying.fleet
-    fleet.take_off(height_m=1.0)
-    rooms = fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=20_000)
-    seen = {name: fleet.session.subscribe(channels.POSE, name, depth=20_000) for name in ("wand", "hand")}
 
-    def gaps_m(subject: str) -> dict[str, np.ndarray]:
-        """Ways from a subject to each vehicle, at every frame."""
-        places = {
+class Watched:
+    """A flying fleet, the example's actions, and the true places of vehicles against what moves."""
+
+    def __init__(self, flying: Flying, example: dict[str, Any]) -> None:
+        self.fleet, self.example = flying.fleet, example
+        session = flying.fleet.session
+        self._rooms = session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=40_000)
+        self._seen = {name: session.subscribe(channels.POSE, name, depth=40_000) for name in ("wand", "hand")}
+
+    def places_m(self) -> dict[int, dict[str, Three]]:
+        """Return true places since the last call, by frame."""
+        return {
+            one.message.frame: {name: at.position_m for name, at in one.message.vehicles.items()}
+            for one in self._rooms.drain()
+        }
+
+    def gaps_m(self, subject: str) -> dict[str, np.ndarray]:
+        """Ways from a subject to each vehicle since the last call, at every frame."""
+        seen = {
             one.message.frame: one.message.position_m
-            for one in seen[subject].drain()
+            for one in self._seen[subject].drain()
             if one.message.position_m
         }
-        true = {one.message.frame: one.message.vehicles for one in rooms.drain()}
-        frames = sorted(places.keys() & true.keys())
+        true = self.places_m()
+        frames = sorted(seen.keys() & true.keys())
         return {
-            name: np.array([true[at][name].position_m for at in frames])
-            - np.array([places[at] for at in frames])
+            name: np.array([true[at][name] for at in frames]) - np.array([seen[at] for at in frames])
             for name in NAMES
         }
 
-    example["lead"](fleet)
-    moving = round((example["SETTLING_S"] * 2 + 2.0) / 0.02)
-    for name, gap_m in gaps_m("wand").items():
-        link = fleet.file.vehicles[name].follow
-        offset_m = np.array((-0.9, 0.0, 0.0)) + (np.array(link[0].offset_m) if link else 0.0)
-        error_mm = 1e3 * np.linalg.norm(gap_m[moving:] - offset_m, axis=1)
-        rms_mm = float(np.sqrt(np.mean(error_mm**2)))
-        print(f"{name}: {rms_mm:.1f} mm rms behind the wand, at most {error_mm.max():.0f} mm")
-        assert rms_mm <= BEHIND_MM, name
+    def check_led(self, way_m: Way, speed_m_s: float = 0.5) -> None:
+        """Lead along a way, and check the distance of every vehicle from its place behind the wand."""
+        self.gaps_m("wand")
+        self.example["lead"](self.fleet, way_m, speed_m_s)
+        moving = round((self.example["SETTLING_S"] * 2 + 2.0) / PERIOD_S)
+        found_mm = {}
+        for name, gap_m in self.gaps_m("wand").items():
+            link = self.fleet.file.vehicles[name].follow
+            offset_m = np.array((-0.9, 0.0, 0.0)) + (np.array(link[0].offset_m) if link else 0.0)
+            error_mm = 1e3 * np.linalg.norm(gap_m[moving:] - offset_m, axis=1)
+            found_mm[name] = float(np.sqrt(np.mean(error_mm**2)))
+            print(f"{name}: {found_mm[name]:.1f} mm rms behind the wand, at most {error_mm.max():.0f} mm")
+        assert max(found_mm.values()) <= BEHIND_MM
+
+    def check_walk(self, words: str, way_m: Way, speed_m_s: float) -> None:
+        """Walk a hand through the formation, and check that no vehicle comes near it."""
+        self.gaps_m("hand")
+        self.example["walk"](self.fleet, way_m, speed_m_s)
+        gaps_m = self.gaps_m("hand")
+        least_m = {name: float(np.linalg.norm(gap_m, axis=1).min()) for name, gap_m in gaps_m.items()}
+        shown = ", ".join(f"{name} {distance_m:.2f}" for name, distance_m in least_m.items())
+        print(f"{words}, {speed_m_s} m/s, m from the hand at least: {shown}")
+        assert min(least_m.values()) >= DISTANCE_M
+        assert {self.fleet.state_of(name).phase for name in NAMES} == {"flying"}
+
+
+@pytest.fixture
+def watched(launch: Callable[..., Flying]) -> Callable[[int], Watched]:
+    def start(seed: int) -> Watched:
+        example = run_path(str(EXAMPLE))
+        text = example["FLEET"].read_text().replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}")
+        text = text.replace("seed = 1\n", f"seed = {seed}\n")
+        flying = launch(f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
+        flying.fleet.take_off(height_m=1.0)
+        return Watched(flying, example)
+
+    return start
+
+
+def test_five_follow_a_wand_and_make_way_for_a_hand(watched: Callable[[int], Watched]) -> None:
+    flight = watched(1)
+    fleet, example = flight.fleet, flight.example
+    flight.check_led(example["LED_M"])
+    flight.places_m()
     assert example["lose"](fleet) == "hold"
     assert fleet.state_of("wand").phase == "unseen"
-    held_m = [one.message.vehicles["h1"].position_m for one in rooms.drain()][50:]
+    held_m = [places_m["h1"] for places_m in flight.places_m().values()][50:]
     assert np.ptp(np.array(held_m), axis=0).max() < HELD_M
-    example["walk"](fleet)
-    for name, gap_m in gaps_m("hand").items():
-        distance_m = float(np.linalg.norm(gap_m, axis=1).min())
-        print(f"{name}: {distance_m:.2f} m from the hand at least")
-        assert distance_m >= DISTANCE_M, name
-        assert fleet.state_of(name).phase == "flying"
+    flight.check_walk("past the middle", example["WALK_M"], 1.0)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(2, 7))
+@pytest.mark.parametrize("way", ["round corners", "eight", "there and back"])
+def test_five_follow_a_wand_on_other_ways_and_seeds(
+    watched: Callable[[int], Watched], way: str, seed: int
+) -> None:
+    flight = watched(seed)
+    ways_m = {"eight": EIGHT_M, "there and back": THERE_AND_BACK_M, "round corners": flight.example["LED_M"]}
+    flight.check_led(ways_m[way])
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("speed_m_s", [1.0, 1.5])
+@pytest.mark.parametrize("words", WALKS_M)
+def test_five_make_way_for_a_hand_on_other_ways(
+    watched: Callable[[int], Watched], words: str, speed_m_s: float, seed: int
+) -> None:
+    watched(seed).check_walk(words, WALKS_M[words], speed_m_s)

@@ -27,7 +27,8 @@ def hide(subject: SubjectMotion, seconds: float) -> None:
 
 
 def followable(subject: SubjectMotion) -> bool:
-    return subject.plan() is not None and subject.followable
+    plan = subject.plan()
+    return plan is not None and plan.followable
 
 
 def test_a_subject_is_followed_once_it_has_been_seen_for_a_while() -> None:
@@ -70,7 +71,7 @@ def test_a_lost_subject_is_first_followed_then_avoided_then_forgotten() -> None:
     plan = subject.plan()
     assert plan is not None
     assert seen is not None
-    assert not subject.followable
+    assert not plan.followable
     assert plan.margins_m[0] > seen.margins_m[0] + 0.02
     hide(subject, AVOIDED_S)
     assert subject.plan() is None
@@ -85,7 +86,7 @@ def test_another_body_under_its_name_is_not_followed_at_once() -> None:
     subject.correct(np.array((1.0, 0.0, 0.0)), 0.0)
     plan = subject.plan()
     assert plan is not None
-    assert not subject.followable
+    assert not plan.followable
     assert plan.trajectory.position_m[0] == pytest.approx((1.0, 0.0, 0.0))
     assert abs(plan.trajectory.velocity_m_s).max() == 0.0
 

@@ -65,7 +65,7 @@ def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
     assert near(CLEARANCE, {"h2": beside}, OWN, 0.02, STAGES, 0.0).obstacles == ()
     nearer = flying(0.0, 0.35 * 0.5 * (NEAR - 0.1), scale=0.5)
     (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, STAGES, 0.0).obstacles
-    assert obstacle.horizontal_m == pytest.approx(0.175)
+    assert obstacle.half_axes_m[:, 0] == pytest.approx(0.175)
     assert near(CLEARANCE, {"h2": flying(0.0, 0.0, scale=0.0)}, OWN, 0.02, STAGES, 0.0).obstacles == ()
 
 
