@@ -9,7 +9,7 @@ from typing import Annotated, Final, Generic, NamedTuple, TypeVar
 from msgspec import Meta, Struct, ValidationError, convert
 from msgspec.structs import asdict
 
-from rcopterx.bus.message import Place, Seconds, Stick, Three
+from rcopterx.bus.message import Four, Place, Seconds, Stick, Three
 from rcopterx.bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|adapter|off|refusing)$")]
@@ -125,12 +125,11 @@ class RemoveSubject(SubjectFault, frozen=True, tag="remove_subject"):
 
 
 class AddSubject(SubjectFault, frozen=True, tag="add_subject"):
-    """List one more subject, which stands still, or goes on to further places on a smooth way."""
+    """List one more subject, which stands still, or moves along a way, linearly between its places."""
 
     position_m: Place = (0.0, 0.0, 0.0)
-    way_m: Annotated[tuple[Place, ...], Meta(max_length=50)] = ()
-    speed_m_s: Annotated[float, Meta(ge=0.01, le=10)] = 0.5
-    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.0  # of measurement noise on each axis
+    way: Annotated[tuple[Four, ...], Meta(max_length=2000)] = ()
+    """Further places: seconds from the beginning on, x, y, z."""
 
 
 class FreezePose(SubjectFault, frozen=True, tag="freeze_pose"):

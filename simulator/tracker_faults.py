@@ -11,13 +11,9 @@ import numpy as np
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vehicles.state import three
-from rcopterx.vehicles.tuples import Three
 from rcopterx.vicon_gateway.wire import ObjectType
 
 NOISE_SEED = 1  # the same fault shows the same noise
-SMOOTHED_S = 0.8  # over which the way of an added subject is averaged, so that it moves as a hand does
-_AGES_S = np.linspace(0.0, SMOOTHED_S, 200)
-_WEIGHTS = (1.0 - np.cos(2.0 * np.pi * _AGES_S / SMOOTHED_S)) / 199.0
 
 
 _F = TypeVar("_F", bound=faults.LastingFault)
@@ -120,11 +116,11 @@ class TrackerFaults:
         match entry.fault:
             case faults.RemoveSubject(subject=name):
                 return tuple(body for body in bodies if body.name != name)
-            case faults.AddSubject(subject=name) as fault:
-                if any(body.name == name for body in bodies):
-                    return bodies
-                place = TrackedBody(name, _on_way(fault, self._now_s - entry.started_s))
-                return (*bodies, _moved(place, self._noise_m(fault.deviation_m)))
+            case faults.AddSubject(subject=name, position_m=position_m, way=way):
+                listed, age_s = any(body.name == name for body in bodies), self._now_s - entry.started_s
+                times_s, *axes_m = zip((0.0, *position_m), *way, strict=True)
+                place_m = three(np.array([np.interp(age_s, times_s, axis_m) for axis_m in axes_m]))
+                return bodies if listed else (*bodies, TrackedBody(name, place_m))
             case faults.SwapSubjects(subject=first, other=second):
                 return _swapped(bodies, first, second)
             case fault:
@@ -141,7 +137,7 @@ class TrackerFaults:
                 by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
                 return _moved(body, by_m)
             case faults.AddNoise(deviation_m=deviation_m) | faults.StandIn(deviation_m=deviation_m):
-                return _moved(body, self._noise_m(deviation_m))
+                return _moved(body, [self._random.gauss(0.0, deviation_m) for _ in range(3)])
             case faults.TurnPose(yaw_rad=yaw_rad):
                 return _turned(body, yaw_rad)
             case faults.Millimetres():
@@ -154,9 +150,6 @@ class TrackerFaults:
             case faults.RenameRootSegment(segment=segment):
                 return body._replace(root_segment=segment)
         return body
-
-    def _noise_m(self, deviation_m: float) -> list[float]:
-        return [self._random.gauss(0.0, deviation_m) for _ in range(3)]
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
@@ -185,15 +178,6 @@ class TrackerFaults:
                 raise faults.FaultError(
                     f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}"
                 )
-
-
-def _on_way(fault: faults.AddSubject, age_s: float) -> Three:
-    """Place of a subject on its way through its places, averaged over the last moments."""
-    begin_m = np.array(fault.position_m)
-    way_m = np.array((begin_m, *fault.way_m)) - begin_m
-    legs_s = np.linalg.norm(np.diff(way_m, axis=0), axis=1) / fault.speed_m_s
-    times_s = np.append(0.0, np.cumsum(legs_s))
-    return three(begin_m + [np.interp(age_s - _AGES_S, times_s, axis_m) @ _WEIGHTS for axis_m in way_m.T])
 
 
 def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:

@@ -4,6 +4,7 @@ A Kalman filter estimates place, heading, their rates and accelerations. The fil
 model, in which accelerations and rates die out, because what people move comes to rest (docs/formation.md).
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -12,7 +13,6 @@ from scipy.linalg import expm
 
 from rcopterx.control.models.linear import noise_over
 from rcopterx.control.references.columns import COLUMNS, POSITION
-from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.control.references.trajectory import Trajectory, nearest_heading
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.state import YAW, Array
@@ -20,7 +20,7 @@ from rcopterx.vehicles.state import YAW, Array
 RATE_S: Final = 1.0
 ACCELERATION_S: Final = 1.0  # time constants with which rates and accelerations die out
 DYNAMICS: Final = np.array([[0.0, 1.0, 0.0], [0.0, -1.0 / RATE_S, 1.0], [0.0, 0.0, -1.0 / ACCELERATION_S]])
-NOISE: Final = np.array([0.0, 0.0, 10.0])  # spectral density of the jerk [m^2/s^5]
+NOISE: Final = np.array([0.0, 0.0, 30.0])  # spectral density of the jerk [m^2/s^5]
 MEASURED_M: Final = 5e-4  # standard deviation of places; headings are ten times as noisy and lively, in rad
 UNKNOWN: Final = np.array([MEASURED_M, 1.0, 3.0])  # standard deviations at first [m, m/s, m/s^2]
 JUMP_M: Final = 0.1
@@ -31,7 +31,7 @@ STAGES: Final = 51
 SETTLING_S: Final = 0.6  # a subject is followed from so long after it appeared, or jumped
 FOLLOWED_S: Final = 0.4
 AVOIDED_S: Final = 2.0  # for so long a subject that is not seen is followed, and avoided where it may be
-DEVIATIONS: Final = 0.5  # standard deviations of its place that others keep in addition...
+DEVIATIONS: Final = 0.3  # standard deviations of its place that others keep in addition...
 MOST_M: Final = 0.3  # ...at most
 
 
@@ -47,10 +47,10 @@ _ADDED: Final = np.array([added[0, 0] for _, added in _STAGES])
 
 
 class SubjectMotion:
-    """Estimated motion of one subject; `limits` are what followers can fly, if that is known."""
+    """Estimated motion of one subject; `fastest` are the rates x, y, z, heading that followers can fly."""
 
-    def __init__(self, limits: ProfileLimits | None = None) -> None:
-        self._limits = limits
+    def __init__(self, fastest: Sequence[float]) -> None:
+        self._fastest = np.array(fastest)
         self.motion: Array = np.zeros((3, 4))
         """Place x, y, z and heading, in the rows below their rates and accelerations."""
         self._covariance = np.diag(UNKNOWN**2)  # of one column
@@ -80,22 +80,22 @@ class SubjectMotion:
         self.unseen_s = 0.0
 
     def plan(self) -> LeaderPlan | None:
-        """Return the plan from the present on; None if the subject has not been seen for a while."""
+        """Return the plan from the present on, None if the subject has not been seen for a while.
+
+        Its nominal part, which vehicles follow, is no faster than they can fly.
+        """
         if self.unseen_s > AVOIDED_S:
             return None
-        flown = (_TRANSITIONS @ self._limited()).reshape(STAGES, COLUMNS)
-        beyond_m = np.linalg.norm((_TRANSITIONS @ self.motion)[:, 0, POSITION] - flown[:, POSITION], axis=1)
+        predicted = (_TRANSITIONS @ self.motion).reshape(STAGES, COLUMNS)
+        share = float(np.abs(self.motion[1] / self._fastest).max())
+        flown = self.motion / ([1.0], [max(1.0, share)], [max(1.0, share)])
         by_place = _TRANSITIONS[:, 0]
         variance = np.einsum("ki,ij,kj->k", by_place, self._covariance, by_place) + _ADDED
-        margins_m = np.minimum(beyond_m + DEVIATIONS * np.sqrt(variance), MOST_M)
-        followable = self._known_s >= SETTLING_S and self.unseen_s <= FOLLOWED_S
-        return LeaderPlan(Trajectory(flown, PERIOD_S), 0.0, followable, margins_m=tuple(margins_m.tolist()))
-
-    def _limited(self) -> Array:
-        """Return the motion within the limits."""
-        motion, limits = self.motion.copy(), self._limits
-        for row, most in () if limits is None else ((1, limits.rate), (2, limits.acceleration)):
-            across, *others = most
-            motion[row, :2] *= min(1.0, across / max(float(np.linalg.norm(motion[row, :2])), 1e-9))
-            motion[row, 2:] = np.clip(motion[row, 2:], np.negative(others), others)
-        return motion
+        margins_m = np.minimum(DEVIATIONS * np.sqrt(variance), MOST_M)
+        return LeaderPlan(
+            Trajectory(predicted, PERIOD_S),
+            0.0,
+            self._known_s >= SETTLING_S and self.unseen_s <= FOLLOWED_S,
+            Trajectory((_TRANSITIONS @ flown).reshape(STAGES, COLUMNS), PERIOD_S),
+            tuple(margins_m.tolist()),
+        )

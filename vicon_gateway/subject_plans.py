@@ -1,6 +1,6 @@
 """Plans and statuses of tracked subjects that are no vehicles, published as if they were vehicles."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import getpid
 from typing import Final
 
@@ -9,7 +9,6 @@ from rcopterx.bus.messages import AgentStatus, Diagnostics, Plan, SetPoint
 from rcopterx.bus.session import Session
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.control.interfaces import Measurement
-from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW, three
@@ -23,14 +22,14 @@ UNSEEN: Final = "unseen"  # phase of a subject that vehicles cannot follow now
 class SubjectPlans:
     """Publishes plans and statuses of subjects, from which vehicles keep `margins_m` farther than usual.
 
-    `limits` are those of what all vehicles can fly, `period_s` is their shortest control period.
+    `fastest` are the rates that all vehicles can fly, `period_s` is their shortest control period.
     """
 
     def __init__(
-        self, margins_m: Mapping[str, float], limits: ProfileLimits | None, period_s: float, session: Session
+        self, margins_m: Mapping[str, float], fastest: Sequence[float], period_s: float, session: Session
     ) -> None:
         self._margins_m, self._period_s, self._session = margins_m, period_s, session
-        self._motions = {name: SubjectMotion(limits) for name in margins_m}
+        self._motions = {name: SubjectMotion(fastest) for name in margins_m}
         self._stamp, self._report_at_s = Stamp(0, 0), 0.0
 
     def update(self, frame: CapturedFrame, stamp: Stamp, poses: Mapping[str, SubjectPose]) -> None:
@@ -64,6 +63,7 @@ class SubjectPlans:
             start_s=0.0,
             trajectory=TrajectoryArray.of(plan.trajectory.samples),
             followable=plan.followable,
+            nominal=None if plan.nominal is None else TrajectoryArray.of(plan.nominal.samples),
             margins_m=tuple(self._margins_m[name] + margin_m for margin_m in plan.margins_m),
         )
 

@@ -1,6 +1,5 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
-from dataclasses import replace
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -8,14 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from rcopterx.bus.messages import LeaderLink
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known, errors_at
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.user_text import TextError, host_and_port
-from rcopterx.vehicles.state import three
 from rcopterx.vicon_gateway.client import LibraryMissingError
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
@@ -67,18 +64,13 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 def _subject_plans(fleet: FleetFile) -> "partial[SubjectPlans]":
     """Return what plans for subjects that are no vehicles, within what every vehicle can follow."""
     # Numerical libraries, which other Vicon gateways do not need.
-    import numpy as np
-
-    from rcopterx.formation.profile_limits import profile_limits_of
     from rcopterx.vicon_gateway.subject_plans import SubjectPlans
 
     margins_m = {name: subject.margin_m for name, subject in fleet.subjects.items()}
-    models, leader = {name: model_of(fleet, name) for name in fleet.vehicles}, next(iter(margins_m))
-    limits = profile_limits_of(dict.fromkeys(models, (LeaderLink(leader=leader),)), models, leader)
-    # Unlike a set point, a person waits for no vehicle: followers use all of their sticks.
-    reach = three(np.min([model.reach for model in models.values()], axis=0))
+    speeds = [model_of(fleet, name).state_max[3:] for name in fleet.vehicles]
+    fastest = [min(rates) for rates in zip(*speeds, strict=True)]
     period_s = min(vehicle.control.period_s for vehicle in fleet.vehicles.values())
-    return partial(SubjectPlans, margins_m, limits and replace(limits, acceleration=reach), period_s)
+    return partial(SubjectPlans, margins_m, fastest, period_s)
 
 
 def _pose_links(fleet: FleetFile) -> "dict[str, PoseLink]":

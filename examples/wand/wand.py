@@ -3,10 +3,10 @@
 In a laboratory the motion capture tracks both; here they are simulated, and requests move them.
 """
 
-import math
 import sys
-from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 from rcopterx import launched
 from rcopterx.bus.requests import Inject, InjectedFault
@@ -22,6 +22,9 @@ LED_M = (
 )
 WALK_M = ((1.7, 0.25, 1.0), (-1.7, 0.25, 1.0))  # past the vehicle in the middle, nearer than it is to others
 SETTLING_S = 3.0
+PERIOD_S = 0.02  # between two places of a motion
+SMOOTHED_S = 0.8
+NOISE_M = 0.0003
 
 
 def inject(fleet, kind, **fields):
@@ -31,11 +34,19 @@ def inject(fleet, kind, **fields):
 
 
 def move(fleet, subject, way_m, speed_m_s):
-    """Show a subject that moves, as a person would move it, and return how long it takes."""
-    fields = {"position_m": way_m[0], "way_m": way_m[1:], "speed_m_s": speed_m_s, "deviation_m": 0.0003}
-    inject(fleet, "add_subject", subject=subject, **fields)
-    length_m = sum(math.dist(*leg) for leg in pairwise(way_m))
-    return length_m / speed_m_s + 1.0
+    """Show a subject that moves through places, as a person would move it; return how long it takes."""
+    places_m = np.array(way_m)
+    legs_s = np.linalg.norm(np.diff(places_m, axis=0), axis=1) / speed_m_s
+    passed_s = np.append(0.0, np.cumsum(legs_s))
+    times_s = np.arange(0.0, passed_s[-1] + SMOOTHED_S, PERIOD_S)
+    # People round off corners: the average over the last moments, weighted by a raised cosine.
+    ages_s = np.arange(0.5 * PERIOD_S, SMOOTHED_S, PERIOD_S)
+    weights = (1.0 - np.cos(2.0 * np.pi * ages_s / SMOOTHED_S)) / len(ages_s)
+    axes_m = [np.interp(times_s[:, None] - ages_s, passed_s, axis_m) @ weights for axis_m in places_m.T]
+    seen_m = np.transpose(axes_m) + np.random.default_rng(1).normal(0.0, NOISE_M, (len(times_s), 3))
+    way = np.column_stack((times_s[1:], seen_m[1:])).tolist()
+    inject(fleet, "add_subject", subject=subject, position_m=way_m[0], way=way)
+    return times_s[-1]
 
 
 def lead(fleet, way_m=LED_M, speed_m_s=0.5):

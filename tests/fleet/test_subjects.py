@@ -32,9 +32,9 @@ def test_the_vicon_gateway_plans_for_subjects_within_what_vehicles_can_follow() 
     assert tracker_settings(parse_fleet(ONE)).subject_plans is None
     plans = tracker_settings(parse_fleet(WAND)).subject_plans
     assert isinstance(plans, partial)
-    margins_m, limits, period_s = plans.args
+    margins_m, fastest, period_s = plans.args
     assert margins_m == {"wand": 0.1, "hand": 0.2}
-    assert 0.5 < limits.rate[0] < 2.0
+    assert 0.5 < fastest[0] < 2.0
     assert period_s == 0.02
 
 

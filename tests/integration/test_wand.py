@@ -21,6 +21,15 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "wand" / "wand.py"
 NAMES = ("h1", "h2", "h3", "h4", "h5")
 PERIOD_S = 0.02
 BEHIND_MM = 40.0
+UNIDENTIFIED_MM = 45.0  # of vehicles that fly gently, because only their type is known
+IDENTIFIED = """
+[vehicles.{}.model.uncertainty]
+gain_factor = [1.3, 1.3, 1.3]
+delay_s = [0.015, 0.015, 0.015]
+frequency_fraction = [0.1, 0.1, 0.1]
+tilt_damping = [0.24, 0.38]
+without_tilt = [1.3, 0.015, 0.1]
+"""
 DISTANCE_M = 0.35
 HELD_M = 0.15
 
@@ -29,12 +38,11 @@ EIGHT_M = tuple(
     (0.9 + 0.55 * math.sin(2.0 * angle) * 0.6, 0.55 * math.sin(angle), 1.0 + 0.1 * math.sin(angle))
     for angle in np.linspace(0.0, 2.0 * math.pi, 25).tolist()
 )
-THERE_AND_BACK_M = (
+ROUND = np.linspace(-math.pi / 2.0, math.pi / 2.0, 9).tolist()
+LOOP_M = (
     (0.9, 0.0, 1.0),
-    (0.9, 0.6, 1.0),
-    (0.9, -0.6, 1.2),
-    (0.9, 0.0, 1.0),
-    (0.3, 0.0, 1.0),
+    *((0.6 + 0.3 * math.cos(angle), 0.3 + 0.3 * math.sin(angle), 1.1) for angle in ROUND[4:]),
+    *((0.3 - 0.3 * math.cos(angle), -0.3 - 0.3 * math.sin(angle), 1.0) for angle in ROUND[::-1]),
     (0.9, 0.0, 1.0),
 )
 WALKS_M: dict[str, Way] = {
@@ -77,10 +85,10 @@ class Watched:
             for name in NAMES
         }
 
-    def check_led(self, way_m: Way, speed_m_s: float = 0.5) -> None:
+    def check_led(self, way_m: Way, most_mm: float = BEHIND_MM) -> None:
         """Lead along a way, and check the distance of every vehicle from its place behind the wand."""
         self.gaps_m("wand")
-        self.example["lead"](self.fleet, way_m, speed_m_s)
+        self.example["lead"](self.fleet, way_m)
         moving = round((self.example["SETTLING_S"] * 2 + 2.0) / PERIOD_S)
         found_mm = {}
         for name, gap_m in self.gaps_m("wand").items():
@@ -89,7 +97,7 @@ class Watched:
             error_mm = 1e3 * np.linalg.norm(gap_m[moving:] - offset_m, axis=1)
             found_mm[name] = float(np.sqrt(np.mean(error_mm**2)))
             print(f"{name}: {found_mm[name]:.1f} mm rms behind the wand, at most {error_mm.max():.0f} mm")
-        assert max(found_mm.values()) <= BEHIND_MM
+        assert max(found_mm.values()) <= most_mm
 
     def check_walk(self, words: str, way_m: Way, speed_m_s: float) -> None:
         """Walk a hand through the formation, and check that no vehicle comes near it."""
@@ -104,19 +112,19 @@ class Watched:
 
 
 @pytest.fixture
-def watched(launch: Callable[..., Flying]) -> Callable[[int], Watched]:
-    def start(seed: int) -> Watched:
+def watched(launch: Callable[..., Flying]) -> Callable[..., Watched]:
+    def start(seed: int, added: str = "") -> Watched:
         example = run_path(str(EXAMPLE))
         text = example["FLEET"].read_text().replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}")
         text = text.replace("seed = 1\n", f"seed = {seed}\n")
-        flying = launch(f'{text}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
+        flying = launch(f'{text}\n{added}\n[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n')
         flying.fleet.take_off(height_m=1.0)
         return Watched(flying, example)
 
     return start
 
 
-def test_five_follow_a_wand_and_make_way_for_a_hand(watched: Callable[[int], Watched]) -> None:
+def test_five_follow_a_wand_and_make_way_for_a_hand(watched: Callable[..., Watched]) -> None:
     flight = watched(1)
     fleet, example = flight.fleet, flight.example
     flight.check_led(example["LED_M"])
@@ -130,13 +138,15 @@ def test_five_follow_a_wand_and_make_way_for_a_hand(watched: Callable[[int], Wat
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(2, 7))
-@pytest.mark.parametrize("way", ["round corners", "eight", "there and back"])
+@pytest.mark.parametrize("way", ["round corners", "eight", "loop"])
+@pytest.mark.parametrize("identified", [True, False], ids=["identified", "unidentified"])
 def test_five_follow_a_wand_on_other_ways_and_seeds(
-    watched: Callable[[int], Watched], way: str, seed: int
+    watched: Callable[..., Watched], identified: bool, way: str, seed: int
 ) -> None:
-    flight = watched(seed)
-    ways_m = {"eight": EIGHT_M, "there and back": THERE_AND_BACK_M, "round corners": flight.example["LED_M"]}
-    flight.check_led(ways_m[way])
+    flight = watched(seed, "".join(map(IDENTIFIED.format, NAMES)) if identified else "")
+    ways_m = {"eight": EIGHT_M, "loop": LOOP_M, "round corners": flight.example["LED_M"]}
+    print(f"\n{way}, seed {seed}, {'identified' if identified else 'unidentified'}")
+    flight.check_led(ways_m[way], BEHIND_MM if identified else UNIDENTIFIED_MM)
 
 
 @pytest.mark.campaign
@@ -144,6 +154,6 @@ def test_five_follow_a_wand_on_other_ways_and_seeds(
 @pytest.mark.parametrize("speed_m_s", [1.0, 1.5])
 @pytest.mark.parametrize("words", WALKS_M)
 def test_five_make_way_for_a_hand_on_other_ways(
-    watched: Callable[[int], Watched], words: str, speed_m_s: float, seed: int
+    watched: Callable[..., Watched], words: str, speed_m_s: float, seed: int
 ) -> None:
     watched(seed).check_walk(words, WALKS_M[words], speed_m_s)
