@@ -131,14 +131,8 @@ class AgentSteps(Message, frozen=True, kw_only=True):
             raise InvalidMessageError(f"overtime: of other steps than these {len(self.times_s)}")
 
 
-Argument = (
-    bool
-    | message.Whole
-    | message.Finite
-    | Annotated[str, Meta(max_length=4096)]
-    | tuple[message.Finite, ...]
-    | None
-)
+Single = bool | message.Whole | message.Finite | None
+Argument = Single | Annotated[str, Meta(max_length=4096)] | tuple[Single | tuple[message.Finite, ...], ...]
 ArbiterCall = tuple[Name, Name, Clock, tuple[Argument, ...]]
 
 

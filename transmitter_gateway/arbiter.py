@@ -183,7 +183,7 @@ class Arbiter:
             self._limiter.take_over(last.u, last.hover_thrust, last.hover_known_s)
             self.lift_off.begin(proved=last.lifted, thrust=self._limiter.u[THRUST])
             distrust = "own pose jumped before a restart" if last.mistaken else None
-            self.pose_monitor.take_over(distrust)
+            self.pose_monitor.take_over(last.track, distrust, now_s)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
             if self.state in FLYING:
                 return Answer(True, f"{self.state}: {self.reason}")

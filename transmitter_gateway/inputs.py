@@ -1,5 +1,6 @@
 """Inputs and outputs of the arbiter: small typed values without behaviour."""
 
+import math
 from collections.abc import Sequence
 from enum import Enum, StrEnum
 
@@ -95,6 +96,24 @@ class ActionRequest(Struct, frozen=True):
     by: str
 
 
+class Track(Struct, array_like=True):
+    """Newest pose of a vehicle and its newest accepted position; a gateway writes to it."""
+
+    epoch: int
+    frame: int
+    arrived_s: float
+    position_m: Position | None = None
+    seen_s: float = -math.inf
+    seen_frame: int = 0
+    seen_epoch: int = 0
+    velocity_m_s: Position = (0.0, 0.0, 0.0)  # low-passed; this and the following of the own vehicle only
+    yaw_rad: float | None = None
+    turned_s: float | None = None  # since when the heading has jumped; `yaw_rad` is the one before
+    captured_s: float = -math.inf  # on the local clock
+    occluded: bool = False  # whether the motion capture lost it since the newest accepted position
+    undelivered_s: float = 0.0  # longest time since then for which frames were captured, but did not arrive
+
+
 class LastApplied(Struct, frozen=True, array_like=True):
     """What a process of this gateway wrote last, for its successor (`state_page`)."""
 
@@ -111,6 +130,7 @@ class LastApplied(Struct, frozen=True, array_like=True):
     watched: bool = False  # whether a watchdog of the firmware waits for frames
     lifted: bool = True  # whether its pose had proved the lift-off
     hover_known_s: float = 0.0  # for how long it was seen in the air
+    track: Track | None = None  # own poses of a vehicle that flies, which those of the successor continue
 
 
 class Answer(Struct, frozen=True):

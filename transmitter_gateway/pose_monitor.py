@@ -2,16 +2,17 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from copy import copy
 
 from msgspec import Struct
 
 from rcopterx.radios.limits import Fence, SurveillanceLimits
-from rcopterx.transmitter_gateway.inputs import PoseInput, Position
+from rcopterx.transmitter_gateway.inputs import PoseInput, Position, Track
 from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.still_pose import StillPose
 
 LONGEST_EXTRAPOLATION_S = 0.1
+LARGEST_M_S2 = 5.0  # change of the velocity while frames of a vehicle did not arrive
 DRIFT_M_S = 0.2  # drift of an unseen vehicle, left level, from where it would be...
 LONGEST_DRIFT_S = 2.0
 SINK_M_S2 = 2.5  # ...and largest sink in an open-loop descent, with an error of its hover thrust
@@ -31,25 +32,6 @@ class Judgement(Struct, frozen=True):
 
     hold: str | None = None
     descend: str | None = None
-
-
-@dataclass(slots=True)
-class Track:
-    """Newest pose of a vehicle and its newest accepted position."""
-
-    epoch: int
-    frame: int
-    arrived_s: float
-    position_m: Position | None = None
-    seen_s: float = -math.inf
-    seen_frame: int = 0
-    seen_epoch: int = 0
-    velocity_m_s: Position = (0.0, 0.0, 0.0)  # low-passed; this and the following of the own vehicle only
-    yaw_rad: float | None = None
-    turned_s: float | None = None  # since when the heading has jumped; `yaw_rad` is the one before
-    captured_s: float = -math.inf  # on the local clock
-    occluded: bool = False  # whether the motion capture lost it since the newest accepted position
-    undelivered_s: float = 0.0  # longest time since then for which frames were captured, but did not arrive
 
 
 class PoseMonitor:
@@ -168,11 +150,12 @@ class PoseMonitor:
         # The motion capture does not confuse a body that it saw all the time.
         followed_s = 0.0 if track.occluded else track.undelivered_s
         unseen_s = max(now_s - track.seen_s, followed_s)
-        elapsed = min(unseen_s, LONGEST_EXTRAPOLATION_S)
         moving_s = min(unseen_s, max(LONGEST_EXTRAPOLATION_S, followed_s))
         (x, y, z), (vx, vy, vz) = track.position_m, track.velocity_m_s
-        x, y, z = x + vx * elapsed, y + vy * elapsed, z + vz * elapsed
-        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * moving_s
+        x, y, z = x + vx * moving_s, y + vy * moving_s, z + vz * moving_s
+        fastest_m_s = limits.maximum_speed_m_s
+        braked_m = max(fastest_m_s * LONGEST_EXTRAPOLATION_S, LARGEST_M_S2 / 2 * moving_s**2)
+        reach = limits.maximum_jump_m + min(fastest_m_s * moving_s, braked_m)
         if unseen_s > moving_s:
             drift_s = min(unseen_s - moving_s, LONGEST_DRIFT_S)
             # Wherever it is between there and as far as it may have sunk.
@@ -222,10 +205,24 @@ class PoseMonitor:
         self._jumping_s = None
         self._mistaken = None
 
-    def take_over(self, distrust: str | None) -> None:
-        """Begin with a vehicle in flight, floor unknown; `distrust` rejects own poses until it has landed."""
+    def take_over(self, last: Track | None, distrust: str | None, now_s: float) -> None:
+        """Begin with a vehicle in flight, floor unknown, and with the poses that an earlier process believed.
+
+        The newest pose is judged again as their continuation: it may be of another body by now. `distrust`
+        rejects own poses until the vehicle has landed.
+        """
         self._stood_at_m = None
         self._mistaken = distrust
+        if last is not None:
+            self.own_track = copy(last)
+            if self.newest is not None:
+                self.own_pose(self.newest, now_s, airborne=True)
+
+    @property
+    def believed(self) -> Track | None:
+        """Copy of the own track, with which a successor begins; None before a position was believed."""
+        track = self.own_track
+        return None if track is None or track.position_m is None else copy(track)
 
     @property
     def mistaken(self) -> bool:

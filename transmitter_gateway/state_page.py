@@ -23,9 +23,9 @@ from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 CHECKSUM: Final = struct.Struct("<I")  # of all that follows
 LENGTH: Final = struct.Struct("<I")  # of number and content, as MessagePack
 HEADER_BYTES: Final = CHECKSUM.size + LENGTH.size
-SLOT_BYTES: Final = 128
+SLOT_BYTES: Final = 256
 PAGE_BYTES: Final = 2 * SLOT_BYTES
-FORMAT: Final = b"rcopterx state 5"
+FORMAT: Final = b"rcopterx state 6"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 NOT_FLYING: Final = LastApplied(State.DISARMED, NEUTRAL, -math.inf, lease=0, issued=0, hover_thrust=0.0)
 _DECODER: Final = msgspec.msgpack.Decoder(tuple[int, LastApplied])

@@ -1,8 +1,7 @@
 """Whether a vehicle may still be in the air after a silence of its radio."""
 
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied
-from rcopterx.transmitter_gateway.pose_monitor import Track
+from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied, Track
 
 
 def take_over_problem(

@@ -165,6 +165,7 @@ class Transmitter:
             watched=self.protocol.watched,
             lifted=arbiter.lift_off.proved,
             hover_known_s=arbiter.hover.known_s,
+            track=arbiter.pose_monitor.believed if arbiter.state in FLYING else None,
         )
 
     @property

@@ -129,7 +129,7 @@ class Flight:
             self.bench.run(PERIOD_S, u)
             self.act(self.bench.outputs[-1].u)
         # It was not seen standing: it appeared in the air.
-        arbiter.pose_monitor.take_over(None)
+        arbiter.pose_monitor.take_over(None, None, self.bench.now_s)
 
     def starve(self, seconds: float) -> None:
         """Let the vehicle fly with its last sticks while nothing on the computer gets a processor."""

@@ -3,6 +3,7 @@
 import math
 import random
 from collections import deque
+from copy import copy
 from dataclasses import dataclass
 
 from arbiter_bench import SLEW, U_HOVER
@@ -204,6 +205,7 @@ class Flight:
             before.leases.issued,
             before.hover.value,
             hover_known_s=before.hover.known_s,
+            track=copy(before.pose_monitor.own_track),
         )
         for _ in range(round(silence_s / STEP_S)):
             self._move()

@@ -10,8 +10,7 @@ from gateway_bench import NAMES, Laboratory
 
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
 from rcopterx.bus.messages import Applied, Kill, TransmitterStatus
-from rcopterx.transmitter_gateway.inputs import Action, State
-from rcopterx.transmitter_gateway.pose_monitor import Track
+from rcopterx.transmitter_gateway.inputs import Action, State, Track
 from rcopterx.transmitter_gateway.radios import TURN_S
 
 

@@ -218,7 +218,7 @@ def test_floor_is_where_the_vehicle_stood_unless_that_is_a_table(
     bench.arm()
     stood_m = bench.arbiter.pose_monitor.floor_m(0.0)
     assert stood_m == (position[2] if position[2] < 0.2 else 0.0)
-    bench.arbiter.pose_monitor.take_over(None)
+    bench.arbiter.pose_monitor.take_over(None, None, bench.now_s)
     assert bench.arbiter.pose_monitor.floor_m(-0.4) == -0.4
 
 

@@ -15,6 +15,7 @@ from rcopterx.transmitter_gateway.inputs import (
     LinkState,
     PoseInput,
     State,
+    Track,
 )
 from rcopterx.vehicles.lift_off import LiftOffLimits
 
@@ -170,4 +171,79 @@ def test_an_armed_vehicle_cannot_be_taken_over_a_second_time() -> None:
     take_over(arbiter)
     command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert not take_over(arbiter).accepted
+    assert arbiter.state is State.ARMED
+
+
+AGO_S = 0.5
+"""For so long no process of the gateway received a pose."""
+
+
+def seen_before(velocity_x_m_s: float = 0.0, yaw_rad: float | None = 0.0, height_m: float = 0.6) -> Track:
+    seen_s = NOW_S - AGO_S
+    return Track(
+        7,
+        75,
+        seen_s,
+        position_m=(0.0, 0.0, height_m),
+        seen_s=seen_s,
+        seen_frame=75,
+        seen_epoch=7,
+        velocity_m_s=(velocity_x_m_s, 0.0, 0.0),
+        yaw_rad=yaw_rad,
+        captured_s=seen_s,
+    )
+
+
+def commanded(arbiter: Arbiter, x_m: float, yaw_rad: float = 0.0, seconds: float = 0.5) -> None:
+    """Let the earlier agent command while the poses are at `x_m`."""
+    for number in range(1, round(seconds / 0.02) + 1):
+        now_s = NOW_S + 0.02 * number
+        place = (x_m, 0.0, 0.6 + 1e-4 * (number % 3))
+        arbiter.pose(PoseInput("h1", 7, 100 + number, place, 0.02, yaw_rad), now_s)
+        command = CommandInput(5, 7, number, 100 + number, (0.0, 0.0, 0.55, 0.0))
+        arbiter.command(command, now_s)
+        arbiter.step(now_s)
+
+
+@pytest.mark.parametrize("early", [False, True], ids=["seen after", "seen before the take-over"])
+@pytest.mark.parametrize("x_m", [1.0, -1.0])
+def test_another_body_that_is_seen_first_after_a_restart_is_not_believed(x_m: float, early: bool) -> None:
+    arbiter = restarted(height_m=None)
+    if early:
+        arbiter.pose(PoseInput("h1", 7, 100, (x_m, 0.0, 0.6), 0.02, 0.0), NOW_S)
+    assert take_over(arbiter, track=seen_before()).accepted
+    commanded(arbiter, x_m)
+    assert arbiter.state is State.DESCEND
+    assert arbiter.pose_monitor.mistaken
+
+
+@pytest.mark.parametrize("early", [False, True], ids=["seen after", "seen before the take-over"])
+@pytest.mark.parametrize(
+    ("velocity_m_s", "x_m"), [(0.0, 0.5), (0.0, -0.5), (1.5, 0.75), (1.5, 0.2), (1.5, 1.2)]
+)
+def test_a_vehicle_that_moved_on_during_a_restart_is_believed(
+    velocity_m_s: float, x_m: float, early: bool
+) -> None:
+    arbiter = restarted(height_m=None)
+    if early:
+        arbiter.pose(PoseInput("h1", 7, 100, (x_m, 0.0, 0.6), 0.02, 0.0), NOW_S)
+    assert take_over(arbiter, track=seen_before(velocity_m_s)).accepted
+    commanded(arbiter, x_m)
+    assert arbiter.state is State.ARMED
+    assert arbiter.counters["pose jump"] == 0
+
+
+def test_a_heading_that_jumped_during_a_restart_is_not_believed() -> None:
+    arbiter = restarted(height_m=None)
+    assert take_over(arbiter, track=seen_before()).accepted
+    commanded(arbiter, 0.0, yaw_rad=3.0)
+    assert arbiter.state is State.LAND
+    assert arbiter.pose_monitor.mistaken
+
+
+def test_a_flight_goes_on_from_what_an_earlier_process_believed_of_an_occluded_vehicle() -> None:
+    arbiter = restarted(height_m=None)
+    arbiter.pose(PoseInput("h1", 7, 100, None, 0.02), NOW_S)
+    assert take_over(arbiter, track=seen_before()).accepted
+    commanded(arbiter, 0.1)
     assert arbiter.state is State.ARMED
