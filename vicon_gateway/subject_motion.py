@@ -20,7 +20,7 @@ from rcopterx.vehicles.state import YAW, Array
 RATE_S: Final = 1.0
 ACCELERATION_S: Final = 1.0  # time constants with which rates and accelerations die out
 DYNAMICS: Final = np.array([[0.0, 1.0, 0.0], [0.0, -1.0 / RATE_S, 1.0], [0.0, 0.0, -1.0 / ACCELERATION_S]])
-NOISE: Final = np.array([0.0, 0.0, 30.0])  # spectral density of the jerk [m^2/s^5]
+NOISE: Final = np.array([0.0, 0.0, 10.0])  # spectral density of the jerk [m^2/s^5]
 MEASURED_M: Final = 5e-4  # standard deviation of places; headings are ten times as noisy and lively, in rad
 UNKNOWN: Final = np.array([MEASURED_M, 1.0, 3.0])  # standard deviations at first [m, m/s, m/s^2]
 JUMP_M: Final = 0.1
@@ -31,7 +31,7 @@ STAGES: Final = 51
 SETTLING_S: Final = 0.6  # a subject is followed from so long after it appeared, or jumped
 FOLLOWED_S: Final = 0.4
 AVOIDED_S: Final = 2.0  # for so long a subject that is not seen is followed, and avoided where it may be
-DEVIATIONS: Final = 0.3  # standard deviations of its place that others keep in addition...
+DEVIATIONS: Final = 0.5  # standard deviations of its place that others keep in addition...
 MOST_M: Final = 0.3  # ...at most
 
 

@@ -19,9 +19,9 @@ pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wand" / "wand.py"
 NAMES = ("h1", "h2", "h3", "h4", "h5")
-PERIOD_S = 0.02
+MOVED_M = 0.01
 BEHIND_MM = 40.0
-UNIDENTIFIED_MM = 45.0  # of vehicles that fly gently, because only their type is known
+UNIDENTIFIED_MM = 50.0  # of vehicles that fly gently, because only their type is known
 IDENTIFIED = """
 [vehicles.{}.model.uncertainty]
 gain_factor = [1.3, 1.3, 1.3]
@@ -71,8 +71,8 @@ class Watched:
             for one in self._rooms.drain()
         }
 
-    def gaps_m(self, subject: str) -> dict[str, np.ndarray]:
-        """Ways from a subject to each vehicle since the last call, at every frame."""
+    def seen_m(self, subject: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return where a subject was shown since the last call, and the ways to each vehicle."""
         seen = {
             one.message.frame: one.message.position_m
             for one in self._seen[subject].drain()
@@ -80,18 +80,17 @@ class Watched:
         }
         true = self.places_m()
         frames = sorted(seen.keys() & true.keys())
-        return {
-            name: np.array([true[at][name] for at in frames]) - np.array([seen[at] for at in frames])
-            for name in NAMES
-        }
+        shown_m = np.array([seen[at] for at in frames])
+        return shown_m, {name: np.array([true[at][name] for at in frames]) - shown_m for name in NAMES}
 
     def check_led(self, way_m: Way, most_mm: float = BEHIND_MM) -> None:
-        """Lead along a way, and check the distance of every vehicle from its place behind the wand."""
-        self.gaps_m("wand")
+        """Lead along a way, and check the distance of every vehicle from its place behind the moving wand."""
+        self.seen_m("wand")
         self.example["lead"](self.fleet, way_m)
-        moving = round((self.example["SETTLING_S"] * 2 + 2.0) / PERIOD_S)
+        shown_m, gaps_m = self.seen_m("wand")
+        moving = int(np.argmax(np.linalg.norm(shown_m - way_m[0], axis=1) > MOVED_M))
         found_mm = {}
-        for name, gap_m in self.gaps_m("wand").items():
+        for name, gap_m in gaps_m.items():
             link = self.fleet.file.vehicles[name].follow
             offset_m = np.array((-0.9, 0.0, 0.0)) + (np.array(link[0].offset_m) if link else 0.0)
             error_mm = 1e3 * np.linalg.norm(gap_m[moving:] - offset_m, axis=1)
@@ -101,9 +100,9 @@ class Watched:
 
     def check_walk(self, words: str, way_m: Way, speed_m_s: float) -> None:
         """Walk a hand through the formation, and check that no vehicle comes near it."""
-        self.gaps_m("hand")
+        self.seen_m("hand")
         self.example["walk"](self.fleet, way_m, speed_m_s)
-        gaps_m = self.gaps_m("hand")
+        _, gaps_m = self.seen_m("hand")
         least_m = {name: float(np.linalg.norm(gap_m, axis=1).min()) for name, gap_m in gaps_m.items()}
         shown = ", ".join(f"{name} {distance_m:.2f}" for name, distance_m in least_m.items())
         print(f"{words}, {speed_m_s} m/s, m from the hand at least: {shown}")
@@ -152,8 +151,11 @@ def test_five_follow_a_wand_on_other_ways_and_seeds(
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", [2, 3])
 @pytest.mark.parametrize("speed_m_s", [1.0, 1.5])
-@pytest.mark.parametrize("words", WALKS_M)
 def test_five_make_way_for_a_hand_on_other_ways(
-    watched: Callable[..., Watched], words: str, speed_m_s: float, seed: int
+    watched: Callable[..., Watched], speed_m_s: float, seed: int
 ) -> None:
-    watched(seed).check_walk(words, WALKS_M[words], speed_m_s)
+    flight = watched(seed)
+    for words, way_m in WALKS_M.items():
+        flight.check_walk(f"seed {seed}, {words}", way_m, speed_m_s)
+        flight.example["inject"](flight.fleet, "recover")
+        flight.fleet.wait(flight.example["SETTLING_S"])
