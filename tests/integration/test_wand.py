@@ -135,6 +135,19 @@ def test_five_follow_a_wand_and_make_way_for_a_hand(watched: Callable[..., Watch
     flight.check_walk("past the middle", example["WALK_M"], 1.0)
 
 
+def test_a_vehicle_follows_a_wand_of_the_fleet_file_once_it_is_seen(
+    watched: Callable[..., Watched],
+) -> None:
+    follow = '[[vehicles.h1.follow]]\nleader = "wand"\noffset_m = [-0.9, 0.0, 0.0]\n'
+    flight = watched(1, follow)
+    fleet, example = flight.fleet, flight.example
+    before_m = np.array(fleet.state_of("h1").place_m)
+    assert before_m[:2] == pytest.approx((-0.9, 0.0), abs=0.15)
+    fleet.wait(example["move"](fleet, "wand", ((0.6, 0.2, 1.1),), 0.5) + 2.0 * example["SETTLING_S"])
+    fleet.wait_for_formation()
+    assert np.array(fleet.state_of("h1").place_m) == pytest.approx((-0.3, 0.2, 1.1), abs=0.1)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(2, 7))
 @pytest.mark.parametrize("way", ["round corners", "eight", "loop"])
