@@ -4,6 +4,8 @@ from functools import partial
 
 import pytest
 
+from rcopterx.bus.access import Seat
+from rcopterx.deploy.certificates.seats import host_seats
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.agent import agent_settings
 from rcopterx.deploy.roles.tracker import tracker_settings
@@ -36,6 +38,12 @@ def test_the_vicon_gateway_plans_for_subjects_within_what_vehicles_can_follow() 
     assert margins_m == {"wand": 0.1, "hand": 0.2}
     assert 0.5 < fastest[0] < 2.0
     assert period_s == 0.02
+
+
+def test_the_host_of_the_tracker_publishes_for_subjects_and_for_nothing_else() -> None:
+    for text, names in ((ONE, ("h1",)), (WAND, ("h1", "wand", "hand"))):
+        seats = [seat for seat in host_seats(parse_fleet(text), "main") if seat.role == "agent"]
+        assert seats == [Seat("agent", (name,), "main") for name in names]
 
 
 def test_a_vehicle_may_follow_a_subject_from_the_start() -> None:
