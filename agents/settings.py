@@ -19,7 +19,7 @@ class AgentSettings:
 
     bus: BusAddress
     vehicle: str
-    vehicles: tuple[str, ...]  # names of all vehicles of the fleet
+    vehicles: tuple[str, ...]  # names of all vehicles of the fleet, and of subjects that may lead
     model: Model
     room: Room  # set points outside, and offsets that bring vehicles too close, are refused
     configuration: Configuration = field(default_factory=Configuration)  # controller and estimator at start

@@ -164,6 +164,8 @@ class Plan(Message, frozen=True, kw_only=True):
     nominal: TrajectoryArray | None = None
     """Stages at which the source would be if no vehicle above it were disturbed; followers copy a part only
     of the deviation from it. Absent on the floor and where it is not known."""
+    margins_m: Annotated[tuple[Amount, ...], Meta(max_length=MAX_STAGES)] = ()
+    """How much farther others keep from a stage, for a subject that is no vehicle: its future is a guess."""
 
     def check(self) -> None:
         """See `Message.check`."""

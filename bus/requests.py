@@ -41,7 +41,7 @@ LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
 """Number of bytes of each log that are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
 FieldName = Annotated[str, Meta(max_length=40)]
-FaultField = bool | Whole | Finite | Text | tuple[Finite, ...] | None
+FaultField = bool | Whole | Finite | Text | tuple[Finite | tuple[Finite, ...], ...] | None
 
 
 class Request(Message, frozen=True, kw_only=True):

@@ -168,9 +168,8 @@ class Obstacle(Struct, frozen=True):
 
     positions_m: Array
     """Its centre at the stages of the controller's horizon, inertial frame, shape (N, 3)."""
-    horizontal_m: float
-    vertical_m: float
-    """Half axes."""
+    half_axes_m: Array
+    """Along x, y, z, at the same stages, shape (N, 3)."""
 
 
 @runtime_checkable

@@ -29,14 +29,20 @@ def _check_vehicles(fleet: FleetFile) -> None:
         raise FleetError(f"name: {EVERY_FLEET!r} means every fleet, choose another one")
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
-    groups = (("vehicles", fleet.vehicles, FIXED_UNITS), ("gateways", fleet.gateways, RESERVED_PROCESSES))
-    for group, names, reserved in groups:
-        for name in names:
+    reserved_names = {
+        "vehicles": FIXED_UNITS,
+        "subjects": (*FIXED_UNITS, *fleet.vehicles),
+        "gateways": RESERVED_PROCESSES,
+    }
+    for group, reserved in reserved_names.items():
+        for name in getattr(fleet, group):
             if name in reserved:
                 raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
-    check_unique("vehicles", "subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
-    ports = {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
-    check_unique("vehicles", "transmitter.port", ports, os.path.normpath)
+    subjects = {f"vehicles.{name}": vehicle.subject for name, vehicle in fleet.vehicles.items()}
+    subjects |= {f"subjects.{name}": fleet.tracked[name] for name in fleet.subjects}
+    check_unique("subject", subjects)
+    ports = {f"vehicles.{name}": vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
+    check_unique("transmitter.port", ports, os.path.normpath)
     _check_corners("volume", fleet.volume)
     for name, zone in fleet.zones.items():
         _check_corners(f"zones.{name}", zone)
@@ -54,20 +60,18 @@ def _check_corners(where: str, bounds: VolumeConfig | Zone) -> None:
             raise FleetError(f"{where}.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 
 
-def check_unique(
-    group: str, field: str, values: Mapping[str, str], key: Callable[[str], Hashable] = str
-) -> None:
-    """Refuse two values of a field whose keys are equal; `FleetError` names the second one."""
+def check_unique(field: str, values: Mapping[str, str], key: Callable[[str], Hashable] = str) -> None:
+    """Refuse two values of a field, by table, whose keys are equal; `FleetError` names the second one."""
     seen: dict[Hashable, str] = {}
-    for name, value in values.items():
-        if (other := seen.setdefault(key(value), name)) != name:
+    for table, value in values.items():
+        if (other := seen.setdefault(key(value), table)) != table:
             written = "" if values[other] == value else f", there {values[other]!r}"
-            raise FleetError(f"{group}.{name}.{field}: {value!r} is already that of {group}.{other}{written}")
+            raise FleetError(f"{table}.{field}: {value!r} is already that of {other}{written}")
 
 
 def _check_hosts(fleet: FleetFile) -> None:
     addresses = {name: f"{host.address}:{fleet.router_port(name)}" for name, host in fleet.hosts.items()}
-    check_unique("hosts", "router_port", addresses)
+    check_unique("router_port", {f"hosts.{name}": address for name, address in addresses.items()})
     for name, address in addresses.items():
         host_address = fleet.hosts[name].address
         if ":" in host_address and ip_version(host_address) != 6:
@@ -143,7 +147,7 @@ def _check_leaders(fleet: FleetFile) -> None:
     for name, vehicle in fleet.vehicles.items():
         for number, link in enumerate(vehicle.follow):
             where = f"vehicles.{name}.follow[{number}].leader"
-            check_known(where, "vehicle", link.leader, fleet.vehicles)
+            check_known(where, "vehicle", link.leader, fleet.tracked)
             if link.leader == name:
                 raise FleetError(f"{where}: {name} cannot follow itself, that is a cycle")
         _check_once(f"vehicles.{name}.follow[{{}}].leader", [link.leader for link in vehicle.follow])

@@ -22,13 +22,14 @@ def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
 
 
 def formation_places(fleet: FleetFile) -> dict[str, Array]:
-    """Return x, y, z [m] and yaw [rad] of every vehicle, in formations whose heads are at the origin."""
+    """Return x, y, z [m] and yaw [rad] of all vehicles and subjects; heads and subjects are at the origin."""
     links = links_of(fleet)
-    return places(links, {name: np.zeros(4) for name, own in links.items() if not own})
+    heads = (*fleet.subjects, *(name for name, own in links.items() if not own))
+    return places(links, dict.fromkeys(heads, np.zeros(4)))
 
 
 def start_places(fleet: FleetFile) -> dict[str, Four]:
-    """Return x, y, z [m] and yaw [rad] at which the vehicles of a simulated fleet stand at first."""
+    """Return x, y, z [m] and yaw [rad] at which vehicles and subjects of a simulated fleet stand at first."""
     places_m = {name: place.tolist() for name, place in formation_places(fleet).items()}
     starts = {name: (x, y, 0.0, yaw_rad) for name, (x, y, _, yaw_rad) in places_m.items()}
     return starts | (fleet.simulator.start if fleet.simulator else {})
@@ -66,7 +67,7 @@ def _check_zones(fleet: FleetFile, room: Room) -> None:
     starts = {name: np.array(start) for name, start in start_places(fleet).items()}
     up = np.array([0.0, 0.0, ABOVE_M, 0.0])
     above = places(links_of(fleet), {name: start + up for name, start in starts.items()})
-    for name, start in starts.items():
-        for what, place in (("stands", start), ("flies in formation", above[name])):
+    for name in fleet.vehicles:
+        for what, place in (("stands", starts[name]), ("flies in formation", above[name])):
             if (problem := room.barred(place)) is not None:
                 raise FleetError(f"vehicles.{name}: where it {what}: {problem}")

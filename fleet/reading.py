@@ -23,6 +23,7 @@ from rcopterx.fleet.schema import (
     GatewayConfig,
     HostConfig,
     Speed,
+    SubjectConfig,
     VehicleConfig,
     errors_at,
 )
@@ -88,6 +89,7 @@ MAPPINGS: Any = (
     ("hosts", Name, HostConfig),
     ("gateways", Name, GatewayConfig),
     ("zones", Name, Zone),
+    ("subjects", Name, SubjectConfig),
     ("simulator.start", Name, Four),
     ("tracker.settings", str, str),
     ("types", str, dict[str, Any]),

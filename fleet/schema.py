@@ -3,8 +3,6 @@
 The docstrings of fields are the user documentation in `docs/fleet_file.md`.
 """
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
@@ -12,7 +10,10 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink, Zone
-from rcopterx.user_text import is_loopback, similar
+from rcopterx.fleet.errors import FleetError as FleetError
+from rcopterx.fleet.errors import check_known as check_known
+from rcopterx.fleet.errors import errors_at as errors_at
+from rcopterx.user_text import is_loopback
 
 Text = Annotated[str, Meta(min_length=1)]
 Speed = Annotated[float, Meta(ge=0.01, le=10)]
@@ -20,26 +21,6 @@ ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie", "mavl
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
-
-
-class FleetError(ValueError):
-    """The fleet file cannot be used; names the file, the field and what is allowed."""
-
-
-@contextmanager
-def errors_at(where: object, *kinds: type[Exception]) -> Iterator[None]:
-    """Put a place before errors, by default `FleetError`, of the block; they become `FleetError`."""
-    wrapped = kinds or (FleetError,)
-    try:
-        yield
-    except wrapped as error:
-        raise FleetError(f"{where}: {error}") from None
-
-
-def check_known(at: str, what: str, name: str, known: Collection[str]) -> None:
-    """Refuse a name at the place `at` that is none of the known ones; raises `FleetError`."""
-    if name not in known:
-        raise FleetError(f"{at}: unknown {what} {name!r}, known are {', '.join(known)}{similar(name, known)}")
 
 
 class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -259,6 +240,15 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     """Whether it may fly with a model that it learns in ordinary flight, unless `model` is identified."""
 
 
+class SubjectConfig(Table, frozen=True, kw_only=True):
+    """Something that the motion capture tracks and that is no vehicle: vehicles follow or avoid it."""
+
+    subject: Text | None = None
+    """Name of the subject in the Tracker; by default the own name."""
+    margin_m: Annotated[float, Meta(ge=0, le=5)] = 0.1
+    """How much farther vehicles keep from it than from each other, its uncertain motion not counted."""
+
+
 class AvoidanceConfig(Table, frozen=True, kw_only=True):
     """How vehicles keep clear of each other's plans."""
 
@@ -341,6 +331,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Vehicle types of this fleet by name; see [vehicle_types.md](vehicle_types.md)."""
     vehicles: dict[Name, VehicleConfig]
     """Vehicles by name."""
+    subjects: dict[Name, SubjectConfig] = field(default_factory=dict)
+    """Tracked subjects that are no vehicles, by name."""
 
     @property
     def clock(self) -> Clock:
@@ -355,6 +347,12 @@ class FleetFile(Table, frozen=True, kw_only=True):
         clock = self.clock
         pace = "lockstep" if clock.lockstep else f"{clock.speed:g} x real time"
         return self.name if clock == REAL_TIME else f"{self.name} ({pace})"
+
+    @property
+    def tracked(self) -> dict[str, str]:
+        """Subject in the Tracker of every vehicle, and of every subject that is none."""
+        vehicles = {name: vehicle.subject for name, vehicle in self.vehicles.items()}
+        return vehicles | {name: one.subject or name for name, one in self.subjects.items()}
 
     def agent_hosts(self, vehicle: str) -> tuple[str, ...]:
         """Return the hosts that may run the agent of a vehicle, its own first."""

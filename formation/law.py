@@ -85,6 +85,12 @@ class LeaderPlan(Struct, frozen=True):
     compensation makes it negative for a plan of the same frame."""
     followable: bool = True  # whether the leader is in free flight
     nominal: Trajectory | None = None  # its stages if nothing above were disturbed; None where unknown
+    margins_m: tuple[float, ...] = (0.0,)  # how much farther to keep from each stage, the last one after it
+
+    def margins_at(self, ahead_s: float, period_s: float, stages: int) -> Array:
+        """Return how much farther to keep, at stages as those of a resampled trajectory, shape (stages,)."""
+        at = (ahead_s + period_s * np.arange(stages)) / self.trajectory.period_s
+        return np.asarray(np.interp(at, np.arange(len(self.margins_m)), self.margins_m))
 
     def partly_undisturbed(self, share: float) -> Trajectory:
         """Return the nominal trajectory, where it is known, with a share of the plan's deviation from it."""

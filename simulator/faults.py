@@ -9,7 +9,7 @@ from typing import Annotated, Final, Generic, NamedTuple, TypeVar
 from msgspec import Meta, Struct, ValidationError, convert
 from msgspec.structs import asdict
 
-from rcopterx.bus.message import Place, Seconds, Stick, Three
+from rcopterx.bus.message import Four, Place, Seconds, Stick, Three
 from rcopterx.bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|adapter|off|refusing)$")]
@@ -125,9 +125,11 @@ class RemoveSubject(SubjectFault, frozen=True, tag="remove_subject"):
 
 
 class AddSubject(SubjectFault, frozen=True, tag="add_subject"):
-    """List one more subject, standing still."""
+    """List one more subject, which stands still, or moves along a way, linearly between its places."""
 
     position_m: Place = (0.0, 0.0, 0.0)
+    way: Annotated[tuple[Four, ...], Meta(max_length=2000)] = ()
+    """Further places: seconds from the beginning on, x, y, z."""
 
 
 class FreezePose(SubjectFault, frozen=True, tag="freeze_pose"):

@@ -6,8 +6,11 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
+import numpy as np
+
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vehicles.state import three
 from rcopterx.vicon_gateway.wire import ObjectType
 
 NOISE_SEED = 1  # the same fault shows the same noise
@@ -113,9 +116,11 @@ class TrackerFaults:
         match entry.fault:
             case faults.RemoveSubject(subject=name):
                 return tuple(body for body in bodies if body.name != name)
-            case faults.AddSubject(subject=name, position_m=position_m):
-                listed = any(body.name == name for body in bodies)
-                return bodies if listed else (*bodies, TrackedBody(name, position_m))
+            case faults.AddSubject(subject=name, position_m=position_m, way=way):
+                listed, age_s = any(body.name == name for body in bodies), self._now_s - entry.started_s
+                times_s, *axes_m = zip((0.0, *position_m), *way, strict=True)
+                place_m = three(np.array([np.interp(age_s, times_s, axis_m) for axis_m in axes_m]))
+                return bodies if listed else (*bodies, TrackedBody(name, place_m))
             case faults.SwapSubjects(subject=first, other=second):
                 return _swapped(bodies, first, second)
             case fault:

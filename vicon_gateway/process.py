@@ -3,7 +3,7 @@
 import logging
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +27,7 @@ from rcopterx.vicon_gateway.recording import RecordingFile
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # imports in vain where there is a Vicon Tracker
     from rcopterx.vicon_gateway.external_poses import PoseLink, PoseSender  # their library is an extra
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans  # few fleets have any
 
 SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
@@ -99,8 +100,8 @@ def _in_a_room(position: Position) -> bool:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """Motion capture, None for Vicon as `brand`; subjects; a new file for the raw stream, if any; and links
-    of vehicles that get their poses from this process."""
+    """Motion capture, None for Vicon as `brand`; subjects; a new file for the raw stream, if any; links of
+    vehicles that get their poses from this process; and what plans for subjects that are no vehicles."""
 
     bus: BusAddress
     host: str
@@ -110,6 +111,7 @@ class TrackerSettings:
     record_raw: Path | None = None
     realtime_priority: int = 0
     pose_links: "Mapping[str, PoseLink]" = field(default_factory=dict)
+    subject_plans: "Callable[[Session], SubjectPlans] | None" = None
 
 
 STATUS_PERIOD_S = 0.2
@@ -129,9 +131,10 @@ class TrackerGateway:
         realtime: bool,
         recording: Path | None = None,
         pose_sender: "PoseSender | None" = None,
+        subject_plans: "SubjectPlans | None" = None,
     ) -> None:
         self._settings = settings
-        self._pose_sender = pose_sender
+        self._pose_sender, self._subject_plans = pose_sender, subject_plans
         self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
@@ -175,10 +178,13 @@ class TrackerGateway:
         if stamp is not None:
             self._frame, self._stamp = frame, stamp
             publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
-            for vehicle, subject in self._subjects.update(frame):
+            poses = self._subjects.update(frame)
+            for vehicle, subject in poses:
                 publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
                 if self._pose_sender is not None:
                     self._pose_sender.send(vehicle, subject, frame.received_s)
+            if self._subject_plans is not None:
+                self._subject_plans.update(frame, stamp, dict(poses))
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
         """Begin a newer epoch than transmitters or agents report, though the clock was set back."""
@@ -296,7 +302,8 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
 
             sender = PoseSender(settings.pose_links)
             stack.callback(sender.close)
-        gateway = TrackerGateway(settings, client, session, realtime, path, sender)
+        plans = None if settings.subject_plans is None else settings.subject_plans(session)
+        gateway = TrackerGateway(settings, client, session, realtime, path, sender, plans)
         heartbeat = own_heartbeat()
         prepare_loop()
         while not stopping:

@@ -61,6 +61,6 @@ class Envelope:
 
 def _too_near(way_m: Array, stages: Array, obstacle: Obstacle) -> bool:
     """Whether places, shape (k, 3), at stages, shape (k,), are inside the ellipsoid of another vehicle."""
-    others_m = obstacle.positions_m[np.minimum(stages, len(obstacle.positions_m) - 1)]
-    half_axes_m = (obstacle.horizontal_m, obstacle.horizontal_m, obstacle.vertical_m)
-    return bool(np.linalg.norm((way_m - others_m) / half_axes_m, axis=1).min() < TOO_NEAR)
+    at = np.minimum(stages, len(obstacle.positions_m) - 1)
+    gap = (way_m - obstacle.positions_m[at]) / obstacle.half_axes_m[at]
+    return bool(np.linalg.norm(gap, axis=1).min() < TOO_NEAR)

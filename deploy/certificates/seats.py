@@ -29,7 +29,8 @@ def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
     seats.append(Seat("agent", fleet.agents_on(host), host))
     seats.append(Seat("transmitter_gateway", fleet.transmitters_on(host)))
     if fleet.tracker.host == host:
-        seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))
+        seats.append(Seat("vicon_gateway", tuple(fleet.tracked)))
+        seats += [Seat("agent", (name,), host) for name in fleet.subjects]
     if fleet.simulator is not None and fleet.simulator.host == host:
         seats.append(Seat("simulator"))
     if fleet.hosts[host].steering:

@@ -19,7 +19,7 @@ def bus_address(fleet: FleetFile, host: str, process: str = "") -> BusAddress:
         namespace=fleet.bus.namespace,
         host=host,
         credentials=own_credentials(fleet, host),
-        units=frozenset({*fleet.vehicles, *fleet.hosts, *FIXED_UNITS}),
+        units=frozenset({*fleet.tracked, *fleet.hosts, *FIXED_UNITS}),
         clock=clock_of(fleet),
         process=process,
     )

@@ -83,7 +83,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
     return AgentSettings(
         bus=bus_address(fleet, host or vehicle.host, agent_process(name)),
         vehicle=name,
-        vehicles=tuple(fleet.vehicles),
+        vehicles=tuple(fleet.tracked),
         model=models[name],
         room=room_of(fleet, name),
         configuration=configured(fleet, name),
@@ -121,6 +121,7 @@ def succession_of(fleet: FleetFile, name: str) -> Succession:
         orders={
             leader: tuple(dict.fromkeys((*vehicle.successors, *promotable)))
             for leader, vehicle in fleet.vehicles.items()
-        },
+        }
+        | dict.fromkeys(fleet.subjects, tuple(promotable)),
         promotable=frozenset(promotable),
     )

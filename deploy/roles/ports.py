@@ -28,13 +28,13 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
 def check_ports(fleet: FleetFile, directory: Path) -> None:
     """Refuse a port that is none for its protocol, or leads where another does; raises `FleetError`."""
     ports = {name: port_of(fleet, name, directory) for name in fleet.vehicles}
-    check_unique("vehicles", "transmitter.port", ports, _place_of)
+    check_unique("transmitter.port", {f"vehicles.{name}": port for name, port in ports.items()}, _place_of)
     locals_ = {
-        name: f"{fleet.gateways[fleet.vehicles[name].transmitter.gateway].host}:{protocol.local_port}"
-        for name in fleet.vehicles
+        f"vehicles.{name}": f"{fleet.gateways[vehicle.transmitter.gateway].host}:{protocol.local_port}"
+        for name, vehicle in fleet.vehicles.items()
         if ports[name].startswith(UDP) and (protocol := protocol_of(fleet, name)).local_port
     }
-    check_unique("vehicles", "transmitter.settings.local_port", locals_)
+    check_unique("transmitter.settings.local_port", locals_)
 
 
 def _place_of(port: str) -> Hashable:

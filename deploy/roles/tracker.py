@@ -1,5 +1,6 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -9,6 +10,7 @@ import msgspec
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known, errors_at
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.user_text import TextError, host_and_port
 from rcopterx.vicon_gateway.client import LibraryMissingError
@@ -18,6 +20,7 @@ from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 if TYPE_CHECKING:
     from rcopterx.vicon_gateway.brands import BrandSettings  # a Vicon Tracker needs no other brand
     from rcopterx.vicon_gateway.external_poses import PoseLink
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans
 
 OWN_CLIENT: Final = "vicon"
 
@@ -49,12 +52,25 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
         bus=bus_address(fleet, fleet.tracker.host, "tracker"),
         host=host,
         port=port,
-        subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        subjects={subject: name for name, subject in fleet.tracked.items()},
         brand=brand_of(fleet),
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
         pose_links=_pose_links(fleet),
+        subject_plans=_subject_plans(fleet) if fleet.subjects else None,
     )
+
+
+def _subject_plans(fleet: FleetFile) -> "partial[SubjectPlans]":
+    """Return what plans for subjects that are no vehicles, within what every vehicle can follow."""
+    # Numerical libraries, which other Vicon gateways do not need.
+    from rcopterx.vicon_gateway.subject_plans import SubjectPlans
+
+    margins_m = {name: subject.margin_m for name, subject in fleet.subjects.items()}
+    speeds = [model_of(fleet, name).state_max[3:] for name in fleet.vehicles]
+    fastest = [min(rates) for rates in zip(*speeds, strict=True)]
+    period_s = min(vehicle.control.period_s for vehicle in fleet.vehicles.values())
+    return partial(SubjectPlans, margins_m, fastest, period_s)
 
 
 def _pose_links(fleet: FleetFile) -> "dict[str, PoseLink]":

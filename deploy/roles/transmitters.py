@@ -28,7 +28,7 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
     return GatewaySettings(
         bus=bus_address(fleet, fleet.gateways[gateway].host, gateway),
         transmitters=tuple(_transmitter(fleet, name, directory) for name in fleet.served_by(gateway)),
-        vehicles=tuple(fleet.vehicles),
+        vehicles=tuple(fleet.tracked),
         states=states_directory(directory),
         realtime_priority=Priority.GATEWAY.of(fleet),
         dongles=find_dongle if fleet.simulator is None else _emulated(fleet, directory),

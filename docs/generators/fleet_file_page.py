@@ -78,6 +78,7 @@ SECTIONS: Final = (
     Section("bus", schema.BusConfig),
     Section("security", schema.SecurityConfig, "See [security.md](security.md)."),
     Section("gateways.NAME", schema.GatewayConfig),
+    Section("subjects.NAME", schema.SubjectConfig, "See [formation.md](formation.md#following-a-wand)."),
     Section("avoidance", schema.AvoidanceConfig, "See [avoidance.md](avoidance.md)."),
     Section("safety", schema.SafetyConfig, "See [safety.md](safety.md)."),
     Section("safety.settings", ArbiterLimits, OF_MODEL),

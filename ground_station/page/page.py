@@ -78,7 +78,8 @@ class FleetPage(FleetShown):
         text_s = fleet.file.clock.speed * TEXT_S
         super().__init__(fleet, frame.feed, down_sentence(frame.name), text_s, frame.steers)
         if self.steering is not None:
-            frame.server.perform = partial(decode, steering=self.steering, vehicles=fleet.file.vehicles)
+            steering, (vehicles, leaders) = self.steering, (fleet.file.vehicles, fleet.file.tracked)
+            frame.server.perform = partial(decode, steering=steering, vehicles=vehicles, leaders=leaders)
 
     def run(self, stop: Stop) -> None:
         """Update the page until a stop is requested, or no process of the fleet has reported for a while."""

@@ -49,7 +49,8 @@ class FleetShown:
         """Show the present state; `now_s` is the time of the fleet."""
         states = {name: self._fleet.state_of(name) for name in self._fleet.file.vehicles}
         self._timeline.compare(now_s, states)
-        self._screen.put("motion", {name: motion_of(state, states) for name, state in states.items()})
+        moving = states | {name: self._fleet.state_of(name) for name in self._fleet.file.subjects}
+        self._screen.put("motion", {name: motion_of(state, moving) for name, state in moving.items()})
         if now_s >= self._next_sample_s:
             self._next_sample_s = now_s + 0.9 * SAMPLE_S
             newest = {name: inbox.latest() for name, inbox in self._applied.inboxes.items()}

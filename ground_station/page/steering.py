@@ -117,7 +117,7 @@ class PageSteering:
         elif not state.assigned:
             self.go_to(name, place_m, state.agent.set_point.yaw_rad)
         else:
-            leader = self._fleet[state.assigned[0].leader].state
+            leader = self._fleet.state_of(state.assigned[0].leader)
             if leader.agent is None or (leader_m := leader.place_m) is None:
                 self.refuse(f"the position of {leader.name} is unknown")
                 return
@@ -133,7 +133,7 @@ class PageSteering:
         if leader is None:
             self._follow(name, ())
             return
-        own, other = self._fleet[name].state.place_m, self._fleet[leader].state.place_m
+        own, other = self._fleet.state_of(name).place_m, self._fleet.state_of(leader).place_m
         if own is None or other is None:
             self.refuse(f"the position of {name} or {leader} is unknown")
             return
@@ -203,7 +203,9 @@ def _arguments_of(name: str) -> type[Struct]:
     return msgspec.defstruct(name, fields, forbid_unknown_fields=True)
 
 
-def decode(text: str, steering: PageSteering, vehicles: Collection[str]) -> Callable[[], object]:
+def decode(
+    text: str, steering: PageSteering, vehicles: Collection[str], leaders: Collection[str]
+) -> Callable[[], object]:
     """Return what carries out a request; raises `RequestRejectedError` where it is none of the page."""
     try:
         request = msgspec.json.decode(text, type=Request)
@@ -212,7 +214,7 @@ def decode(text: str, steering: PageSteering, vehicles: Collection[str]) -> Call
         arguments = msgspec.structs.asdict(msgspec.convert(request.arguments, _arguments_of(request.do)))
     except msgspec.MsgspecError as error:
         raise RequestRejectedError(f"not a request of the page: {error}") from None
-    for name in (arguments.get("name"), arguments.get("leader")):
-        if name is not None and name not in vehicles:
+    for name, known in ((arguments.get("name"), vehicles), (arguments.get("leader"), leaders)):
+        if name is not None and name not in known:
             raise RequestRejectedError(f"no vehicle {name!r}")
     return partial(getattr(steering, request.do), **arguments)

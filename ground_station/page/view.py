@@ -56,6 +56,7 @@ def fleet_shown(file: FleetFile, steers: bool) -> Shown:
         "name": file.title,
         "steers": steers,
         "vehicles": vehicles,
+        "subjects": list(file.subjects),
         "volume_m": (file.volume.min_m, file.volume.max_m),
         "zones": file.zones,
         "controllers": list(CONTROLLERS.available()),

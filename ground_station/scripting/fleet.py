@@ -95,7 +95,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         from rcopterx.ground_station.scripting.regroup import regroup, role, swapped
 
         self.wait_for_status()  # of all vehicles, since links of all of them decide who gets other leaders
-        statuses = self.statuses()
+        statuses = self.statuses(*self.file.subjects)
         change, where = swapped(statuses, first, second)
         regroup(self, change, where, {name: statuses[name].assigned for name in change})
         return [
@@ -121,7 +121,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         from rcopterx.ground_station.scripting.regroup import shaped
 
         self.wait_for_status()
-        waiting, lines = shaped(self.statuses(), shape, leader, spacing_m, room_of(self.file), assign), []
+        statuses, room = self.statuses(*self.file.subjects.keys() & {leader}), room_of(self.file)
+        waiting, lines = shaped(statuses, shape, leader, spacing_m, room, assign), []
         while waiting:
             refused: dict[str, RefusedError] = {}
             for name, link in waiting.items():

@@ -92,7 +92,7 @@ def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
 
 def _others(fleet: Observer, flying: Sequence[str]) -> list[Array]:
     """Return places of other vehicles, and the set points of those in the air."""
-    states = [fleet.state_of(name) for name in fleet.file.vehicles if name not in flying]
+    states = [fleet.state_of(name) for name in fleet.file.tracked if name not in flying]
     places_m = [state.seen_at_m if state.agent is None else state.agent.position_m for state in states]
     places_m += [state.agent.set_point.position_m for state in states if state.agent and state.airborne]
     return [np.array(place_m) for place_m in places_m if place_m is not None]

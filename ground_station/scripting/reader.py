@@ -183,10 +183,10 @@ class Reader:
         """A line for every host whose clock differs from that of the host used here by more than a limit."""
         return clock_differences(self._router_statuses(), self._host, limit_s)
 
-    def statuses(self) -> dict[str, AgentStatus]:
-        """Newest statuses of the agents by vehicle, without silent ones."""
+    def statuses(self, *subjects: str) -> dict[str, AgentStatus]:
+        """Newest statuses of the agents by vehicle, without silent ones, and those of these subjects."""
         known = _alive(self._agents.inboxes, self.source.clock())
-        return {name: known[name] for name in self.file.vehicles if name in known}
+        return {name: known[name] for name in (*self.file.vehicles, *subjects) if name in known}
 
     def frame_period_s(self, name: str) -> float:
         """Time between the frames of the motion capture [s]."""

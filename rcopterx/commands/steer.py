@@ -78,13 +78,13 @@ def follow(
     frame: str = "inertial",
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Follow the plan of another vehicle, in flight or on the floor."""
+    """Follow another vehicle, or a tracked subject of the fleet file, in flight or on the floor."""
     check_known([frame], ("inertial", "heading"), "frame", "--frame")
     if vehicle == leader:
         raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)
     with running_fleet(fleet, [vehicle]) as running:
-        check_known([leader], running.file.vehicles, "vehicle", "LEADER")
+        check_known([leader], running.file.tracked, "vehicle", "LEADER")
         typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
@@ -116,7 +116,7 @@ def formation(
 
     check_known([shape], SHAPES, "formation", "SHAPE")
     with running_fleet(fleet) as running:
-        check_known([leader], running.file.vehicles, "vehicle", "LEADER")
+        check_known([leader], running.file.tracked, "vehicle", "LEADER")
         typer.echo("\n".join(running.form(shape, leader, spacing, assign=assign)))
 
 

@@ -37,7 +37,7 @@ class Clearances:
     directions: Array  # horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint
     centres_m: Array  # shape (N, K, 3)
     horizontal_m: Array
-    vertical_m: Array  # half axes, shape (K,)
+    vertical_m: Array  # half axes, shape (N, K)
     aside_m: Array  # least distance to the side at any height, the way out from below or above; shape (N, K)
     lowest_m: Array
     highest_m: Array  # bounds of the height, shape (N,); infinite where there is none
@@ -86,28 +86,29 @@ class Clearances:
 
 def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]) -> Clearances:
     """Linearise the nearest `SLOTS` ellipsoids around a plan, `previous_m`, to fly to `wanted_m`."""
-    axes = np.array([(other.horizontal_m, other.horizontal_m, other.vertical_m) for other in obstacles])
+    axes = np.stack([other.half_axes_m for other in obstacles], axis=1)
     centres = np.stack([other.positions_m for other in obstacles], axis=1)
     gap = (previous_m[:, None, :] - centres) / axes
     distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
     if len(obstacles) > SLOTS:
         chosen = np.sort(np.argsort(distance.min(axis=0), kind="stable")[:SLOTS])
-        axes, centres, gap, distance = axes[chosen], centres[:, chosen], gap[:, chosen], distance[:, chosen]
-    straight, turned = normals(gap, (wanted_m - previous_m)[:, None, :] / axes, SETTLED_M / axes[:, 0])
+        axes, centres, gap, distance = (each[:, chosen] for each in (axes, centres, gap, distance))
+    straight, turned = normals(gap, (wanted_m - previous_m)[:, None, :] / axes, SETTLED_M / axes[:, :, 0])
     near = (distance < REACH)[:, :, None]
     straight, turned = straight * near, turned * near
     across = np.hypot(turned[:, :, 0], turned[:, :, 1])
     directions = np.zeros((len(turned), SLOTS, 2))
-    directions[:, : len(axes)] = turned[:, :, :2] / np.maximum(across, _TINY)[:, :, None]
-    directions[:, : len(axes)] *= (across > LEVEL / 10)[:, :, None]
+    count = axes.shape[1]
+    directions[:, :count] = turned[:, :, :2] / np.maximum(across, _TINY)[:, :, None]
+    directions[:, :count] *= (across > LEVEL / 10)[:, :, None]
     steep = straight[:, :, 2]
-    tangent = centres[:, :, 2] + axes[:, 2] * steep
+    tangent = centres[:, :, 2] + axes[:, :, 2] * steep
     return Clearances(
         directions,
         centres,
-        axes[:, 0],
-        axes[:, 2],
-        axes[:, 0] * np.maximum(across - np.hypot(straight[:, :, 0], straight[:, :, 1]), 0.0),
+        axes[:, :, 0],
+        axes[:, :, 2],
+        axes[:, :, 0] * np.maximum(across - np.hypot(straight[:, :, 0], straight[:, :, 1]), 0.0),
         np.where(steep > LEVEL, tangent, -np.inf).max(axis=1),
         np.where(steep < -LEVEL, tangent, np.inf).min(axis=1),
     )
@@ -117,7 +118,7 @@ def normals(gap: Array, way: Array, settled: Array) -> tuple[Array, Array]:
     """Return unit normals away from the others, straight and turned, shape (N, K, 3) each.
 
     `gap` and `way`: from the other's to the own position, and from there to the reference, in half axes,
-    shape (N, K, 3). `settled`: length of a way below which the turn fades out, shape (K,).
+    shape (N, K, 3). `settled`: length of a way below which the turn fades out, shape (N, K).
     """
     distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
     far = distance > _TINY

@@ -95,8 +95,8 @@ export class Scene {
 
   /** Vehicle that is drawn at a pixel; undefined if there is none. */
   vehicleAt({ x, y }) {
-    const near = Object.entries(this.motion).map(([name, { place }]) => {
-      const at = place && this.camera.project(place);
+    const near = this.fleet.vehicles.map(({ name }) => {
+      const place = this.motion[name]?.place, at = place && this.camera.project(place);
       return [name, at ? Math.hypot(at[0] - x, at[1] - y) : Infinity];
     });
     return near.filter(([, pixels]) => pixels < 30).sort((a, b) => a[1] - b[1])[0]?.[0];
@@ -118,6 +118,7 @@ export class Scene {
     const depth = ({ name }) => this.camera.view(this.motion[name].place)[2];
     for (const vehicle of [...shown].sort((a, b) => depth(b) - depth(a))) this.drawVehicle(vehicle);
     for (const vehicle of shown) this.drawLabel(vehicle);
+    this.drawSubjects();
     this.drawWaypoints();
     return true;
   }
@@ -216,6 +217,20 @@ export class Scene {
   drawVehicle({ name, colour, airframe }) {
     const { place, attitude } = this.motion[name];
     this.painter.body(shapeOf(airframe), place, attitude ?? [0, 0, 0, 1], colour, this.colours.ink);
+  }
+
+  /** Tracked subjects that are no vehicles, as a wand: a ball, its height, where it is expected, its name. */
+  drawSubjects() {
+    const { painter, colours } = this;
+    for (const name of this.fleet.subjects ?? []) {
+      const { place, plan } = this.motion[name] ?? {};
+      if (!place) continue;
+      const [x, y, z] = place;
+      painter.segments([[[x, y, 0], [x, y, z]]], colours.quiet, 1, [2, 4]);
+      if (plan) painter.line(plan, colours.quiet, 3);
+      painter.ball(place, 0.05, colours.ink, { ring: 2, least: 6 });
+      painter.text(place, name, colours.ink, colours.back, { rise: 24 });
+    }
   }
 
   drawLabel({ name }) {

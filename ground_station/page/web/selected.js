@@ -15,6 +15,7 @@ export class Selected {
   setFleet(fleet) {
     this.fleet = fleet;
     this.vehicles = new Map(fleet.vehicles.map((vehicle) => [vehicle.name, vehicle]));
+    this.subjects = fleet.subjects ?? [];
     if (fleet.steers && !this.listening) this.listen();
     one('#details').ontoggle = () => this.showDetails();
   }
@@ -73,7 +74,7 @@ export class Selected {
     }
     this.showDetails();
     if (!this.fleet.steers) return;
-    offer(this.control('leader'), [...this.vehicles.keys()].filter((name) => name !== this.name), '(no leader)');
+    offer(this.control('leader'), [...this.vehicles.keys(), ...this.subjects].filter((name) => name !== this.name), '(no leader)');
     choose(this.control('leader'), row.leader);
     offer(this.control('controller'), this.fleet.controllers);
     choose(this.control('controller'), row.controller);

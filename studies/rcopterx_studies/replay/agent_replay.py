@@ -195,12 +195,13 @@ class _Compared:
         command_then = decode(then, Command)
         # Durations are not repeated.
         command = msgspec.structs.replace(command, timing=command_then.timing)
-        if encode(command) == then and planned == plan_then:
+        old = decode(plan_then, Plan)
+        # Earlier versions did not send fields that have been appended since.
+        if encode(command) == then and planned == encode(old):
             result.identical += 1
             self.errors.append(np.zeros(4))
             return
         error = np.subtract(command.input, command_then.input)
-        old = decode(plan_then, Plan)
         self.errors.append(error)
         gap = _gap(plan, old)
         result.largest_input = max(result.largest_input, float(np.abs(error).max()))

@@ -39,7 +39,7 @@ def moving(
 
 
 def other(place_m: tuple[float, float, float]) -> Obstacle:
-    return Obstacle(np.tile(place_m, (STAGES, 1)), 0.35, 0.6)
+    return Obstacle(np.tile(place_m, (STAGES, 1)), np.tile((0.35, 0.35, 0.6), (STAGES, 1)))
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from rcopterx.vehicles.model import Model
 PERIOD_S = 0.02
 HORIZON = 15
 MODELS = pytest.mark.parametrize("model", [COAXIAL_LAG, COAXIAL], ids=["lag", "tilt"])
-NEAR = Obstacle(np.tile((0.3, 0.1, 1.0), (HORIZON, 1)), 0.4, 0.8)
+NEAR = Obstacle(np.tile((0.3, 0.1, 1.0), (HORIZON, 1)), np.tile((0.4, 0.4, 0.8), (HORIZON, 1)))
 
 
 def flying(model: Model) -> CascadeController:

@@ -263,7 +263,7 @@ def test_waypoints_are_flown_from_where_the_vehicle_is_and_none_is_a_refusal(
 def test_what_is_no_request_of_the_page_is_rejected(opened: Opened, text: str) -> None:
     assert opened.page.steering is not None
     with pytest.raises(RequestRejectedError):
-        decode(text, opened.page.steering, ("h1", "h2"))
+        decode(text, opened.page.steering, ("h1", "h2"), ("h1", "h2", "wand"))
 
 
 VALUES = st.recursive(
@@ -281,7 +281,7 @@ ARGUMENTS = st.dictionaries(st.sampled_from(["name", "leader", "place_m", "power
 )
 def test_no_text_from_a_browser_raises_another_error(text: str) -> None:
     with suppress(RequestRejectedError):
-        assert callable(decode(text, PageSteering.__new__(PageSteering), ("h1",)))
+        assert callable(decode(text, PageSteering.__new__(PageSteering), ("h1",), ("h1",)))
 
 
 def tunings(opened: Opened, monkeypatch: pytest.MonkeyPatch) -> list[Tune]:

@@ -27,7 +27,7 @@ half_axis = st.floats(0.1, 0.8)
 
 
 def still(place_m: Array, across_m: float = 0.35, up_m: float = 0.6, stages: int = STAGES) -> Obstacle:
-    return Obstacle(np.tile(place_m, (stages, 1)), across_m, up_m)
+    return Obstacle(np.tile(place_m, (stages, 1)), np.tile((across_m, across_m, up_m), (stages, 1)))
 
 
 @given(place, place, place, half_axis, half_axis, st.lists(place, min_size=1, max_size=20))
