@@ -10,6 +10,7 @@ from msgspec import Struct
 from rcopterx.radios import protocol as base
 from rcopterx.radios.multi_answers import AnswerParser
 from rcopterx.radios.multi_radios import DSM, RADIOS
+from rcopterx.tables import table_beside
 
 FRAME_LENGTH = 27
 CHANNEL_COUNT = 16
@@ -26,16 +27,7 @@ MODULE_SILENT_S = 2.0
 LONGEST_GAP_S = 0.05  # the module reports that it receives no frames when none has arrived for 70 ms
 FIRST_FRAME_S = 0.1  # from the first frame until the module has certainly received one, on a busy computer
 
-FLAGS = {
-    "failsafe": (0, 0x02),
-    "range_check": (1, 0x20),
-    "autobind": (1, 0x40),
-    "bind": (1, 0x80),
-    "low_power": (2, 0x80),
-    "inverted_line": (26, 0x08),
-    "telemetry_off": (26, 0x02),
-    "mapping_off": (26, 0x01),
-}
+FLAGS = table_beside(__file__, "multi_flags")
 """Byte and bit of each flag of a frame."""
 
 

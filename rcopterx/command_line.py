@@ -1,20 +1,19 @@
 """All commands of `rcopterx`; the fast path of `kill` is in `rcopterx.cli`."""
 
-import tomllib
 from collections import UserDict
 from importlib import import_module
-from importlib.resources import files
 from typing import Annotated, Any, Final
 
 import typer
 from typer import Option
 from typer.core import TyperGroup
 
+from rcopterx.commands import fleet_option
 from rcopterx.commands.extensions import STUDIES, added_command, added_commands
-from rcopterx.commands.fleet_option import user_errors
-from rcopterx.commands.options import with_options
+from rcopterx.commands.fleet_option import user_errors, with_options
+from rcopterx.tables import table_beside
 
-_PANELS: Final = tomllib.loads((files("rcopterx.commands") / "commands.toml").read_text("utf-8"))
+_PANELS: Final = table_beside(fleet_option.__file__, "commands")
 WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
 PLACES: Final = {
     function.partition(".")[2].strip("_").replace("_", "-"): (panel, *function.split("."))

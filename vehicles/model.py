@@ -14,6 +14,7 @@ from typing import Any, Final, Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from rcopterx.tables import table_beside
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Four, Three, Two
@@ -100,22 +101,12 @@ class Uncertainty:
         return horizontal, horizontal, height, yaw
 
 
-IDENTIFIED_GAIN_FACTOR: Final = 1.3
-UNIDENTIFIED_GAIN_FACTOR: Final = 1.45
-UNIDENTIFIED = Uncertainty(
-    gain_factor=(1.45, 1.45, 1.7),
-    delay_s=(0.02, 0.02, 0.05),
-    frequency_fraction=(0.15, 0.25, 0.25),
-    without_tilt=(1.65, 0.02, 0.1),
-)
+_KNOWLEDGE: Final = msgspec.convert(table_beside(__file__, "uncertainties"), dict[str, Uncertainty])
+UNIDENTIFIED: Final = _KNOWLEDGE["unidentified"]
 """A vehicle of which only the type is known."""
-IDENTIFIED = Uncertainty(
-    gain_factor=3 * (IDENTIFIED_GAIN_FACTOR,),
-    delay_s=3 * (0.015,),
-    frequency_fraction=3 * (0.1,),
-    without_tilt=(IDENTIFIED_GAIN_FACTOR, 0.015, 0.1),
-)
+IDENTIFIED: Final = _KNOWLEDGE["identified"]
 """A vehicle whose model was fitted to its own flight."""
+UNIDENTIFIED_GAIN_FACTOR, IDENTIFIED_GAIN_FACTOR = UNIDENTIFIED.gain_factor[0], IDENTIFIED.gain_factor[0]
 DAMPING_FACTOR: Final = 1.25
 """Factor by which the damping ratio of its tilt may be off."""
 

@@ -15,8 +15,10 @@ from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.tables import table_beside
 
 CAP_SYS_NICE: Final = 23  # number of the capability to raise priorities
+REMEDIES: Final = table_beside(__file__, "remedies")
 
 
 class Result(NamedTuple):
@@ -47,13 +49,7 @@ def links(control: str) -> Result:
     """Check the congestion control of the links to other hosts."""
     if control == CONGESTION_CONTROL:
         return Result(True, f"links to other hosts use {control}")
-    return Result(
-        False,
-        f"links to other hosts use {control}: commands may wait when a link becomes slow; "
-        f"sudo modprobe tcp_{CONGESTION_CONTROL}; "
-        f"sudo sysctl -w net.ipv4.tcp_allowed_congestion_control='reno cubic {CONGESTION_CONTROL}'; "
-        "again after each restart of this computer",
-    )
+    return Result(False, REMEDIES["congestion"].format(control=control, wanted=CONGESTION_CONTROL))
 
 
 def _is_granted(priority: int) -> bool:
@@ -85,27 +81,16 @@ def real_time(priority: int, limit: int, capabilities: int, granted: bool) -> Re
     if limit == resource.RLIM_INFINITY or limit >= priority or capabilities >> CAP_SYS_NICE & 1:
         if granted:
             return Result(True, f"real-time priorities up to {priority} are permitted")
-        return Result(
-            False,
-            f"limits permit real-time priorities up to {priority}, but the kernel refuses them: a control "
-            "group has no share of real time; give its cpu.rt_runtime_us one (docker run --cpu-rt-runtime), "
-            "or start the fleet outside of the container or session",
-        )
-    return Result(
-        False,
-        f"real-time priorities up to {priority} are not permitted (limit {limit}): "
-        f"echo '@dialout - rtprio {max(40, priority)}' | sudo tee /etc/security/limits.d/rcopterx.conf; "
-        "sudo usermod -a -G dialout $USER; then log in again",
-    )
+        return Result(False, REMEDIES["refused"].format(priority=priority))
+    wanted = max(40, priority)
+    return Result(False, REMEDIES["limited"].format(priority=priority, limit=limit, wanted=wanted))
 
 
 def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
     """Check the certificates on this computer, and whether the fleet needs any."""
     if (directory := directory_of(fleet)) is None:
         if fleet.security.insecure:
-            yield Result(
-                False, "security.insecure: any program that reaches a host can steer; rcopterx certs helps"
-            )
+            yield Result(False, REMEDIES["insecure"])
         else:
             yield Result(True, "no certificates: only this computer reaches the fleet")
         return

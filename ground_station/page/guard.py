@@ -19,6 +19,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from rcopterx.places import replace_file
+from rcopterx.tables import table_beside
 
 HOST: Final = "127.0.0.1"
 NAMES: Final = (HOST, "localhost")  # another name may have been rebound to this address
@@ -131,20 +132,13 @@ class PageServer:
 
 WRONG_ADDRESS: Final = "the address of the page is the one that `rcopterx ground` has printed"
 NOT_FROM_PAGE: Final = "only the page itself may request this"
+HEADERS: Final = table_beside(__file__, "headers")
 KINDS: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 
 
 def _answer(status: HTTPStatus, content: str | bytes, kind: str = "text/plain") -> Response:
     body = content if isinstance(content, bytes) else f"{content}\n".encode()
-    headers = {
-        "Cache-Control": "no-store",
-        "Connection": "close",
-        "Content-Length": str(len(body)),
-        "Content-Security-Policy": "default-src 'self' data:; frame-ancestors 'none'",
-        "Content-Type": f"{kind}; charset=utf-8",
-        "Referrer-Policy": "no-referrer",
-        "X-Content-Type-Options": "nosniff",
-    }
+    headers = HEADERS | {"Content-Length": str(len(body)), "Content-Type": f"{kind}; charset=utf-8"}
     return Response(status, status.phrase, Headers(headers), body)
 
 

@@ -1,16 +1,20 @@
-"""Options, the fleet of a command, and errors as messages; imports libraries only when they are needed."""
+"""Options, the fleet of a command, and errors as messages; imports libraries only when they are needed.
 
-from collections.abc import Iterable, Iterator
+Names, limits and help of options and arguments are data: `options.toml`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
+from functools import cache
 from glob import escape, glob
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from typer import Argument, Option
 
 from rcopterx.commands.parsing import check_known
 from rcopterx.deploy.hosts.running import running_fleets
+from rcopterx.tables import table_beside
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -20,6 +24,7 @@ DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1
 EXIT_USAGE = 2
 ROUTER_S = 3.0
+_OPTIONS: Final = table_beside(__file__, "options")
 
 
 def fleets_beginning(incomplete: str) -> list[str]:
@@ -36,36 +41,37 @@ def vehicles_beginning(incomplete: str) -> list[str]:
     return sorted(name for name in names if name.startswith(incomplete))
 
 
-FLEET_HELP = "Fleet file (TOML), or name of a shipped one."
+def shared_option(name: str) -> Any:
+    """Return the option or argument that several commands share, by its name in the table `shared`."""
+    return _option(_OPTIONS["shared"][name])
 
 
-def _fleet_option(text: str) -> Any:
-    return Option("--fleet", "-f", metavar="FLEET", help=text, autocompletion=fleets_beginning)
+def _option(table: dict[str, Any]) -> Any:
+    settings = dict(table)
+    kind: Any = typer.Argument if settings.pop("argument", False) else typer.Option
+    if completion := settings.pop("complete", None):
+        settings["autocompletion"] = globals()[completion]
+    return kind(*settings.pop("names", ()), **settings)
 
 
-FleetArgument = Annotated[str, Argument(metavar="FLEET", help=FLEET_HELP, autocompletion=fleets_beginning)]
-FleetOption = Annotated[str, _fleet_option(FLEET_HELP)]
-RunningFleetOption = Annotated[
-    str | None, _fleet_option(f"{FLEET_HELP} Default: the fleet that is up on this computer.")
-]
-SpeedOption = Annotated[
-    float | None,
-    Option(
-        metavar="FACTOR",
-        min=0.01,
-        max=10,
-        help="How fast the time of a simulated fleet passes: 0.2 is slow motion. Default: as in its file.",
-    ),
-]
-LockstepOption = Annotated[
-    bool,
-    Option(
-        "--lockstep",
-        help="The simulated laboratory waits for all processes: no control period is missed, and flights of "
-        "one seed are identical.",
-    ),
-]
-HostOption = Annotated[str | None, Option(metavar="HOST", help="Which host of the fleet file this is.")]
+@cache
+def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Annotate the parameters of a command with their options and arguments, and return it."""
+    of_module = _OPTIONS.get(command.__module__.rpartition(".")[2], {})
+    for name, table in of_module.get(command.__name__, {}).items():
+        option = shared_option(table) if isinstance(table, str) else _option(table)
+        command.__annotations__[name] = Annotated[command.__annotations__[name], option]
+    return command
+
+
+FleetArgument = Annotated[str, shared_option("fleet_argument")]
+FleetOption = Annotated[str, shared_option("fleet")]
+RunningFleetOption = Annotated[str | None, shared_option("running_fleet")]
+SpeedOption = Annotated[float | None, shared_option("speed")]
+LockstepOption = Annotated[bool, shared_option("lockstep")]
+RecordOption = Annotated[bool, shared_option("record")]
+ColumnsOption = Annotated[Path | None, shared_option("columns")]
+HostOption = Annotated[str | None, shared_option("host")]
 
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:

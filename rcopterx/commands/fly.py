@@ -14,13 +14,14 @@ from typer import Option
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
     LockstepOption,
+    RecordOption,
     RunningFleetOption,
     SpeedOption,
     fleet_file,
     running_fleet,
 )
 from rcopterx.commands.interruption import Interrupts
-from rcopterx.commands.launch import RecordOption, interruptible
+from rcopterx.commands.launch import interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
 from rcopterx.places import try_place

@@ -5,10 +5,9 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
-from typer import Option
 
 from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet, wanted_fleet
@@ -27,9 +26,6 @@ REACH_M = 0.4
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 ERRORS = ("horizontal_m", "height_m", "yaw_rad")  # of the parts of a model
-ColumnsOption = Annotated[
-    Path | None, Option("--columns", metavar="FILE", help="Map of the columns of CSV files (.toml).")
-]
 
 
 def identify(
@@ -39,7 +35,7 @@ def identify(
     strength: float = 1.0,
     reach: float | None = None,
     from_files: list[Path] | None = None,
-    columns: ColumnsOption = None,
+    columns: Path | None = None,
     save: Path | None = None,
     plot: PlotOption = None,
     dry_run: bool = False,

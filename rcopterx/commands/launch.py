@@ -5,10 +5,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from typer import Option
 
 from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
@@ -16,6 +15,7 @@ from rcopterx.commands.fleet_option import (
     FleetOption,
     HostOption,
     LockstepOption,
+    RecordOption,
     SpeedOption,
     chosen_host,
     failure,
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
-
-RecordOption = Annotated[
-    bool, Option("--record/--no-record", help="Write a flight log; see rcopterx flights.")
-]
 
 
 @contextmanager

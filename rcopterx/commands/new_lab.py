@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from typer import Argument, Option
 
+from rcopterx.commands.fleet_option import shared_option
 from rcopterx.commands.parsing import three
 from rcopterx.user_text import host_and_port, number_in
 
@@ -21,13 +21,9 @@ HIGH: Final = "1.5,1.5,2"
 CRAZYFLIE: Final = "radio://0/80/2M/E7E7E7E7"  # and two digits
 MOTION_CAPTURE = "motion_capture.yaml"
 
-NewFleetFile = Annotated[Path, Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")]
-LowerCorner = Annotated[
-    str, Option("--volume-min", metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
-]
-UpperCorner = Annotated[
-    str, Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
-]
+NewFleetFile = Annotated[Path, shared_option("new_fleet_file")]
+LowerCorner = Annotated[str, shared_option("volume_min")]
+UpperCorner = Annotated[str, shared_option("volume_max")]
 
 import_ = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -192,9 +188,7 @@ def _print(what: str, found: list[str]) -> None:
 def crazyswarm2(
     source: Path,
     file: NewFleetFile,
-    motion_capture: Annotated[
-        Path | None, Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
-    ] = None,
+    motion_capture: Path | None = None,
     rate_hz: float | None = None,
     volume_min: LowerCorner = LOW,
     volume_max: UpperCorner = HIGH,

@@ -2,12 +2,12 @@
 
 import tomllib
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
+from rcopterx.tables import table_beside
 from rcopterx.user_text import text_of
 
 if TYPE_CHECKING:
@@ -49,6 +49,6 @@ def next_steps(running: "Sequence[RunningFleet]", files: Sequence[str]) -> tuple
 
 def _filled(case: str, **names: str) -> tuple[str, list[Step]]:
     """Return title and steps of a case of `next_steps.toml`, with the names in their places."""
-    table = tomllib.loads((resources.files(__package__) / "next_steps.toml").read_text("utf-8"))[case]
+    table = table_beside(__file__, "next_steps")[case]
     steps = [(command.format(**names), text) for command, text in table["steps"]]
     return table["title"].format(**names), steps

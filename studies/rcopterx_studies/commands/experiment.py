@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.identify import ColumnsOption
+from rcopterx.commands.fleet_option import ColumnsOption
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
 from rcopterx.commands.parsing import check_known
 from rcopterx.simulator.conditions import FIRST_ORDER, PRESETS

@@ -13,12 +13,12 @@ from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,
     LockstepOption,
+    RecordOption,
     RunningFleetOption,
     SpeedOption,
 )
 from rcopterx.commands.fly import FlightOptions, ReportOption, flown_fleet
 from rcopterx.commands.interruption import Interrupts
-from rcopterx.commands.launch import RecordOption
 from rcopterx.commands.output import JsonOption, Progress, print_document
 
 if TYPE_CHECKING:
