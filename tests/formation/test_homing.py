@@ -14,8 +14,7 @@ from rcopterx.control.references.paths import path_problem
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.formation.homing import ABOVE_M, LONGEST_S, free_places, ways_to
-from rcopterx.formation.placement import Room
-from rcopterx.formation.zones import entered
+from rcopterx.formation.placement import Room, entered
 
 SHIPPED = Path(rcopterx.fleet.__file__).parent / "fleets"
 ROOM = Room((-1.1, -1.1, 0.1), (1.1, 1.1, 1.9))

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.bus.messages import Zone
-from rcopterx.formation.placement import Room
-from rcopterx.formation.zones import entered
+from rcopterx.formation.placement import Room, entered
 from rcopterx.vehicles.state import Array
 
 SHAPES = ("box", "cylinder")

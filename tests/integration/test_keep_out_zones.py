@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from support.bus import free_port
 
 from rcopterx.bus import channels
-from rcopterx.formation.zones import entered
+from rcopterx.formation.placement import entered
 
 pytestmark = [pytest.mark.lockstep, pytest.mark.timeout(240)]
 
