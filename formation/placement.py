@@ -13,9 +13,8 @@ from rcopterx.formation.topology import AT_WORK, FormationGraph, Places, followe
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
 
-TOLERANCE_M: Final = 1e-6
+TOLERANCE_M: Final = 1e-6  # a way that only touches a zone does not enter it
 EVERY_M: Final = 0.01  # between places that are tried, on the straight lines between those of a way
-TINY_M: Final = 1e-6  # a way that only touches a zone does not enter it
 
 
 def after_leaving(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -26,7 +25,7 @@ def after_leaving(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def entered(zone: Zone, way_m: Array) -> Array | None:
     """Return where, shape (3,), a way, shape (k, 3), enters a zone with its margin; None if it does not."""
-    margin_m = zone.margin_m - TINY_M
+    margin_m = zone.margin_m - TOLERANCE_M
     low_m, high_m = np.array(zone.min_m) - margin_m, np.array(zone.max_m) + margin_m
     if np.any(way_m.max(axis=0) < low_m) or np.any(way_m.min(axis=0) > high_m):
         return None  # most ways, at once: a leader tries those of all followers within a control period

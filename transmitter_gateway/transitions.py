@@ -58,8 +58,7 @@ class Transition:
     unless: Set[Condition] = frozenset()
 
 
-NOT_KILLED: Final = frozenset(State) - {State.KILLED}
-_GROUPS: Final = {"FLYING": FLYING, "NOT_KILLED": NOT_KILLED}
+_GROUPS: Final = {"FLYING": FLYING, "NOT_KILLED": frozenset(State) - {State.KILLED}}
 DOWN: Final = "DOWN"  # target LAND of a vehicle that is seen in the air, and DESCEND of any other
 
 

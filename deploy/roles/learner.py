@@ -14,15 +14,11 @@ KEPT: Final = "learned"  # directory beside the flight logs
 
 def run(fleet: FleetFile, host: str) -> None:
     """Learn the models of the vehicles from their flight."""
-    run_learner(learner_settings(fleet, host))
-
-
-def learner_settings(fleet: FleetFile, host: str) -> LearnerSettings:
-    """Return the settings of the learner of a fleet."""
     models = learning_models(fleet)
-    return LearnerSettings(
+    settings = LearnerSettings(
         bus=bus_address(fleet, host, LEARNER),
         models=models,
         periods_s={name: fleet.vehicles[name].control.period_s for name in models},
         directory=log_directory(fleet) / KEPT / fleet.name,
     )
+    run_learner(settings)

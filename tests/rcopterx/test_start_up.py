@@ -96,11 +96,12 @@ except SystemExit:
 
 
 def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
-    from rcopterx.commands import identify, trajectory
+    import rcopterx.command_line  # noqa: F401 - it adds the options
+    from rcopterx.commands import trajectory, vehicles
 
     (heading,) = trajectory.trajectory.__annotations__["heading"].__metadata__
     assert heading.help == f"One of {', '.join(HEADINGS)}."
-    (seconds,) = identify.identify.__annotations__["seconds"].__metadata__
+    (seconds,) = vehicles.identify.__annotations__["seconds"].__metadata__
     assert seconds.min == pytest.approx(1 / BASE_HZ)
 
 
