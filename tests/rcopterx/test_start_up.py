@@ -96,12 +96,13 @@ except SystemExit:
 
 
 def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
-    import rcopterx.command_line  # noqa: F401 - it adds the options
-    from rcopterx.commands import trajectory, vehicles
+    from rcopterx.commands.fleet_option import with_options
+    from rcopterx.commands.trajectory import trajectory
+    from rcopterx.commands.vehicles import identify
 
-    (heading,) = trajectory.trajectory.__annotations__["heading"].__metadata__
+    (heading,) = with_options(trajectory).__annotations__["heading"].__metadata__
     assert heading.help == f"One of {', '.join(HEADINGS)}."
-    (seconds,) = vehicles.identify.__annotations__["seconds"].__metadata__
+    (seconds,) = with_options(identify).__annotations__["seconds"].__metadata__
     assert seconds.min == pytest.approx(1 / BASE_HZ)
 
 
