@@ -13,13 +13,14 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
+from rcopterx.bus.attachments import attached, number_of, sent_at
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode, prepare
 from rcopterx.bus.endpoints import LONG_S, Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
-from rcopterx.bus.publishing import attached, number_of, publisher_of, sent_at
+from rcopterx.bus.publishing import publisher_of
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.subscription import (
     Deliver,

@@ -21,10 +21,10 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
+from rcopterx.bus.attachments import STAMP, attached
 from rcopterx.bus.endpoints import LONG_S
 from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter, opened_page
 from rcopterx.bus.processes import SCRIPT, SERVICES
-from rcopterx.bus.publishing import STAMP, attached
 
 POLL_S: Final = 0.1  # real time between two checks for what wakes no process
 Held = tuple[float, str, int, int, Callable[[], object]]

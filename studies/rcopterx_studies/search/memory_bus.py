@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 import zenoh
 
-from rcopterx.bus.publishing import STAMP
+from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.session import BusAddress
 
 LOST_S: Final = 0.0

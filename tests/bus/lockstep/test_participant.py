@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.waiting import wait_for
 
+from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.lockstep.page import (
     FIRST_S,
     LockstepPage,
@@ -27,7 +28,6 @@ from rcopterx.bus.lockstep.page import (
 from rcopterx.bus.lockstep.participant import LockstepInbox, Participant, join_without_turns
 from rcopterx.bus.lockstep.scheduler import RETURN_S, STEP_S, Scheduler
 from rcopterx.bus.processes import SIMULATOR
-from rcopterx.bus.publishing import STAMP
 
 
 class Bytes(bytes):
