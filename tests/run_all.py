@@ -25,7 +25,7 @@ LAST_LINES_S = 10.0
 FILES = sorted(TESTS.rglob("test_*.py"))
 # Importing all the others would take ten seconds, in which no fleet flies.
 FILES_WITH_FLEETS = [path for path in FILES if "mark.integration" in path.read_text(encoding="utf-8")]
-SHARED = ("-n", "2", "--dist", "worksteal", "--timeout", "600")
+SHARED = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder", "--timeout", "600")
 RUNS = {
     "fleets": (*PYTEST, "-m", "integration and not campaign", *map(str, FILES_WITH_FLEETS)),
     "units": ("nice", "-n", "19", *PYTEST, *SHARED, "-m", "not integration and not campaign", str(TESTS)),
