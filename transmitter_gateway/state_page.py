@@ -23,7 +23,7 @@ from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 CHECKSUM: Final = struct.Struct("<I")  # of all that follows
 LENGTH: Final = struct.Struct("<I")  # of number and content, as MessagePack
 HEADER_BYTES: Final = CHECKSUM.size + LENGTH.size
-SLOT_BYTES: Final = 256
+SLOT_BYTES: Final = 512
 PAGE_BYTES: Final = 2 * SLOT_BYTES
 FORMAT: Final = b"rcopterx state 6"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.transmitter_gateway.inputs import LastApplied, State
+from rcopterx.transmitter_gateway.inputs import LastApplied, State, Track
 from rcopterx.transmitter_gateway.state_page import (
     NOT_FLYING,
     PAGE_BYTES,
@@ -24,6 +24,25 @@ from rcopterx.transmitter_gateway.state_page import (
 
 BOOT = b"since this morning"
 STICK = st.floats(-1, 1)
+NUMBER = st.floats(allow_nan=False)
+COUNT = st.integers(0, 2**64 - 1)
+PLACE = st.tuples(NUMBER, NUMBER, NUMBER)
+TRACKS = st.builds(
+    Track,
+    epoch=COUNT,
+    frame=COUNT,
+    arrived_s=NUMBER,
+    position_m=st.none() | PLACE,
+    seen_s=NUMBER,
+    seen_frame=COUNT,
+    seen_epoch=COUNT,
+    velocity_m_s=PLACE,
+    yaw_rad=st.none() | NUMBER,
+    turned_s=st.none() | NUMBER,
+    captured_s=NUMBER,
+    occluded=st.booleans(),
+    undelivered_s=NUMBER,
+)
 LASTS = st.builds(
     LastApplied,
     state=st.sampled_from(State),
@@ -35,6 +54,7 @@ LASTS = st.builds(
     commanded=st.booleans(),
     mistaken=st.booleans(),
     ready=st.booleans(),
+    track=st.none() | TRACKS,
 )
 FLYING = LastApplied(State.HOLD, (0.1, -0.2, 0.5, 0.05), 12.5, 7, 9, 0.61, commanded=True, ready=True)
 
@@ -45,7 +65,9 @@ def page(memory: bytearray) -> StatePage:
 
 @given(last=LASTS, number=st.integers(0, 2**64 - 1))
 def test_a_record_returns_what_was_written(last: LastApplied, number: int) -> None:
-    assert decode(encode(number, last, BOOT), BOOT) == (number, last)
+    record = encode(number, last, BOOT)
+    assert decode(record, BOOT) == (number, last)
+    assert len(record) < SLOT_BYTES
 
 
 @given(last=LASTS, at=st.integers(0), bit=st.integers(0, 7))
