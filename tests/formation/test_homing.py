@@ -87,7 +87,12 @@ def flown(seed: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(EACH_TIME), pytest.param(range(EACH_TIME, CAMPAIGN), marks=pytest.mark.campaign)], ids=len
+    "seeds",
+    [
+        range(EACH_TIME),
+        pytest.param(range(EACH_TIME, CAMPAIGN), marks=[pytest.mark.campaign, pytest.mark.timeout(2 * 3600)]),
+    ],
+    ids=len,
 )
 def test_all_vehicles_come_home_in_time_and_clear_of_each_other(seeds: range) -> None:
     found = np.array([flown(seed) for seed in seeds])
