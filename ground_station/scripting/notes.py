@@ -6,10 +6,8 @@ from typing import Final
 from rcopterx.bus.host_messages import LauncherStatus, LinkState, RouterStatus, TrackerStatus
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
-from rcopterx.tables import table_beside
 
 STALLED_S: Final = 2.0  # a launcher that has not checked its processes for so long is reported
-_NOTES: Final = table_beside(__file__, "notes")
 
 
 def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: Sequence[str]) -> list[str]:
@@ -32,7 +30,10 @@ def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: S
             place = ", ".join(f"{value:.0f}" for value in subject.shown_at_m)
             found.append(f"{subject.subject} is shown at ({place}) m: millimetres?")
         elif subject.same_place_as:
-            found.append(_NOTES["same_place"].format(subject))
+            found.append(
+                f"{subject.vehicle}: {subject.subject!r} and {subject.same_place_as!r} are shown at the same "
+                "place: one body for two subjects? Disable one in the Tracker"
+            )
     return found
 
 
@@ -71,7 +72,9 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
     if not status.watchdog:
         notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
     if status.stalled_s >= STALLED_S:
-        notes.append(_NOTES["stalled"].format(host, status))
+        notes.append(
+            f"host {host}: the launcher has not checked its processes for {status.stalled_s:.0f} s; land"
+        )
     return notes + capacity_notes(host, status)
 
 
@@ -79,11 +82,19 @@ def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
     """A line if a host runs more agents than it serves without missed periods, or measures that."""
     if status.measuring:
         return [f"host {host}: measures how many vehicles it can fly; take-off waits for the result"]
-    if status.control_every == 1 and not status.crowded:
+    if status.crowded:
+        return [
+            f"host {host}: runs the agents of {len(status.running)} vehicles, but can fly at most about "
+            f"{status.flies[-1]}, and {status.flies[0]} without lower control rates; fly fewer, move some to "
+            "other hosts, or use shorter horizons, longer control periods or fewer frames per second"
+        ]
+    if status.control_every == 1:
         return []
-    note = _NOTES["crowded" if status.crowded else "slowed"]
-    flies = status.flies
-    return [note.format(host, status, agents=len(status.running), least=flies[0], most=flies[-1])]
+    return [
+        f"host {host}: can fly about {status.flies[0]} such vehicles, but runs the agents of "
+        f"{len(status.running)}, which therefore control one of {status.control_every} periods; move some to "
+        "other hosts, or shorten their horizons"
+    ]
 
 
 def link_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
