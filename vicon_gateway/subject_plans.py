@@ -47,7 +47,7 @@ class SubjectPlans:
             if pose is not None and pose.position_m is not None and pose.quaternion_xyzw is not None:
                 measured = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
                 motion.correct(measured.position_m, measured.yaw_rad)
-            plan = motion.plan()
+            plan = motion.plan() if plan_due or report_due else None
             if plan is not None and plan_due:
                 self._session.publish(channels.PLAN, name, self._message(name, plan))
             if report_due:

@@ -17,13 +17,14 @@ from rcopterx.formation.topology import FormationGraph, formation_of
 from rcopterx.vehicles.state import Array, three
 
 
-def leader_plan(plan: Plan, clock: FleetClock, avoided: bool = False) -> LeaderPlan:
-    """Return a plan of the same epoch on the clock of this vehicle, to be followed or avoided."""
+def leader_plan(plan: Plan, clock: FleetClock, with_nominal: bool = True) -> LeaderPlan:
+    """Return a plan of the same epoch on the clock of this vehicle."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
     trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
-    packed, margins_m = (None, plan.margins_m) if avoided else (plan.nominal, None)
+    packed = plan.nominal if with_nominal else None
     nominal = None if packed is None else Trajectory(packed.to_numpy(), plan.period_s)
-    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal, margins_m or (0.0,))
+    followable, margins_m = plan.airborne and plan.followable, plan.margins_m or (0.0,)
+    return LeaderPlan(trajectory, ahead_s, followable, nominal, margins_m)
 
 
 class LeaderPlans:

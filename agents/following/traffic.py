@@ -122,7 +122,7 @@ class Traffic:
         for name, inbox in self._inboxes.items():
             received = None if name in young else inbox.latest()
             if received is not None and received.message.epoch == clock.epoch:
-                plan = leader_plan(received.message, clock, avoided=True)
+                plan = leader_plan(received.message, clock, with_nominal=False)
                 if plan.ahead_s < OLDEST_S:
                     young[name] = plan
         scales = self._scales
