@@ -4,16 +4,15 @@ Headings stay zero and offsets are those of the inertial frame. Vehicles hover a
 """
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib.resources import files
 from typing import Any, Final
 
 import msgspec
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.path_shapes import figure_eight
+from rcopterx.tables import table_beside
 from rcopterx.vehicles.tuples import Three
 from rcopterx_studies.experiments.events import FlyEvent, FollowEvent, GoToEvent, LeadEvent, PilotEvent
 from rcopterx_studies.experiments.rig import RigOptions
@@ -103,7 +102,7 @@ def _task(name: str, row: dict[str, Any]) -> ArenaTask:
     return ArenaTask(name, starts_m=starts, links=links, events=tuple(events), options=options, **row)
 
 
-_TABLE: Final = tomllib.loads((files(__package__) / "tasks.toml").read_text("utf-8"))
+_TABLE: Final = table_beside(__file__, "tasks")
 TASKS: Final[Mapping[str, ArenaTask]] = {name: _task(name, _row(name)) for name in _TABLE}  # tasks by name
 
 

@@ -1,16 +1,15 @@
 """The table of fault flights."""
 
-import tomllib
 from collections.abc import Callable
 from functools import partial
 from itertools import product
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from msgspec import Struct, convert
 
 from rcopterx.simulator.faults import Fault
+from rcopterx.tables import table_beside
 from rcopterx_studies.faults.bench import FaultFlight, Injector
 from rcopterx_studies.faults.bus_injectors import Flood, Impaired, OldMessages
 from rcopterx_studies.faults.host_injectors import (
@@ -176,8 +175,7 @@ class LaboratoryRow(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 LABORATORY_ROWS: Final = tuple(
-    convert(row, LaboratoryRow).flight(name)
-    for name, row in tomllib.loads(Path(__file__).with_name("laboratory.toml").read_text("utf-8")).items()
+    convert(row, LaboratoryRow).flight(name) for name, row in table_beside(__file__, "laboratory").items()
 )
 BATTERY_ROW: Final = FaultFlight(
     "vehicle-battery",
