@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test      unit tests, and fleets of real processes (about fifteen minutes on two cores)"
+	@echo "make test      unit tests, and fleets of real processes (about thirteen minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make fuzz      coverage-guided fuzzing of what reads bytes from outside, 5 minutes each; ARGS=\"codec 60\""
 	@echo "make mutation  how many changes of the safety functions the unit tests notice (two hours)"
