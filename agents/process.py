@@ -132,13 +132,15 @@ class Agent:
 
     def _report(self) -> None:
         """Publish status and intent, unless another agent does."""
+        predecessor, room = self.handover.predecessor, self.following.room
+        self._requests.adopt_zones(None if predecessor is None else predecessor.zones)
         if self.handover.lease.quiet:
             return
         relief, now_s = self.relief, self._now_s
         sparse, late_share = relief.relief >= Relief.REPORTS, relief.overload.late_share
         mode = self.following.lost.following_mode
-        self._reporter.report(now_s, sparse, mode, self.poses.age_s(now_s), late_share)
-        self.handover.publish(now_s)
+        self._reporter.report(now_s, sparse, mode, self.poses.age_s(now_s), late_share, room.zones)
+        self.handover.publish(now_s, room.zones)
 
     def _update(self) -> None:
         """Process what has arrived: the lease, requests, the state of the transmitter, poses."""

@@ -23,6 +23,7 @@ from rcopterx.bus.messages import (
     Plan,
     Pose,
     SetPoint,
+    ZoneSet,
 )
 from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
@@ -152,7 +153,13 @@ class Reporter:
         self.due_s = self._bus.clock()
 
     def report(
-        self, now_s: float, sparse: bool, mode: FollowingMode, pose_age_s: float | None, late_share: float
+        self,
+        now_s: float,
+        sparse: bool,
+        mode: FollowingMode,
+        pose_age_s: float | None,
+        late_share: float,
+        zones: ZoneSet | None,
     ) -> None:
         """Publish the status; `sparse`: at half the rate."""
         # A report waits for the end of a step, but the rate stays.
@@ -180,6 +187,7 @@ class Reporter:
             late_share=late_share,
             host=self._settings.bus.host or None,
             home_m=None if (home_m := guidance.task.home_m) is None else (*home_m, guidance.task.floor_m),
+            zones=zones,
         )
         self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self.last_status)
 

@@ -20,7 +20,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import LeaseBid, SetPoint
+from rcopterx.bus.messages import LeaseBid, SetPoint, ZoneSet
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.bus.stepping import StepBus
@@ -111,6 +111,7 @@ def intent_of(
     previous: Configuration | None,
     clock: FleetClock,
     yaw_rad: float | None,
+    zones: ZoneSet | None = None,
 ) -> Intent:
     """Return the task of a vehicle as a message; `task_of` makes the same task of it at any later moment.
 
@@ -151,6 +152,7 @@ def intent_of(
         path_requested=kind is set_points.PathReference,
         rest=None if suspended is None else FloatArray.of(suspended.rest.knots),
         home_m=task.home_m,
+        zones=zones,
     )
 
 
@@ -305,12 +307,12 @@ class Handover:
             self._tuning.previous = Configuration.reported(intent.previous)
         self._tuning.restore(wanted)
 
-    def publish(self, now_s: float) -> None:
+    def publish(self, now_s: float, zones: ZoneSet | None = None) -> None:
         """Publish the present intent; called with every status."""
         clock = self._pilot.clock
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         task, tuning = self._pilot.guidance.task, self._tuning
-        intent = intent_of(self.lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)
+        intent = intent_of(self.lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad, zones)
         content = _content(intent)
         recent = now_s - self._published_s < LONG_PERIOD_S
         if intent.path is not None and content == self._published and recent:

@@ -17,7 +17,7 @@ from rcopterx.bus.message import (
     Seconds,
     Settings,
 )
-from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
+from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint, ZoneSet
 
 MOST_ADDED: Final = 20  # knots of a way to the beginning of a requested path, and of those to rest and on
 
@@ -88,6 +88,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """What is left of the path that was suspended, of which `path` is the way to rest."""
     home_m: tuple[Number, Number] | None = None
     """Where the vehicle stood when it took off last, on the floor at `floor_m`: x and y; absent before."""
+    zones: ZoneSet | None = None
+    """As in `AgentStatus`."""
 
     def check(self) -> None:
         """See `Message.check`."""

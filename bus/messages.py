@@ -137,6 +137,15 @@ class Zone(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Distance that references keep from it: half a vehicle, and how far it may be from its reference."""
 
 
+class ZoneSet(Struct, frozen=True, kw_only=True):
+    """All keep-out zones of a fleet as they were changed in flight; of two sets the later one counts."""
+
+    revision: Count
+    """Number of changes since the fleet file."""
+    zones: Annotated[dict[Name, Zone], Meta(max_length=32)]
+    """By name."""
+
+
 class Plan(Message, frozen=True, kw_only=True):
     """Predicted trajectory of a vehicle; its followers subscribe to it."""
 
@@ -309,6 +318,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     """Host of the agent."""
     home_m: Three | None = None
     """Where the vehicle stood when it took off last; absent before."""
+    zones: ZoneSet | None = None
+    """Keep-out zones that replace those of the fleet file; absent until one is changed."""
 
 
 class Battery(Struct, frozen=True, kw_only=True):

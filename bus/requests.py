@@ -21,7 +21,7 @@ from rcopterx.bus.message import (
     Text,
     Whole,
 )
-from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
+from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint, ZoneSet
 
 MAX_PATH_S: Final = 600.0
 REST_TOLERANCE: Final = 1e-6
@@ -198,6 +198,13 @@ class Resume(Suspend, frozen=True, kw_only=True):
     """Go on with the suspended path at a future frame."""
 
 
+class SetZones(Request, frozen=True, kw_only=True):
+    """Keep out of these zones from now on; a way that they bar is suspended."""
+
+    zones: ZoneSet
+    """Its revision is one more than the newest of any vehicle."""
+
+
 class WithdrawLeaders(Request, frozen=True, kw_only=True):
     """Discard the prepared leaders, unless they have been adopted."""
 
@@ -337,7 +344,7 @@ def _verbs(
 VERBS: Final = {
     **_verbs("transmitter_gateway", arm=Arm, disarm=Disarm, kill=KillVehicle, reset=ResetKill),
     **_verbs("agent", take_off=TakeOff, land=Land, go_to=GoTo, fly=Fly, follow=Follow, lead=Lead),
-    **_verbs("agent", tune=Tune, excite=Excite),
+    **_verbs("agent", tune=Tune, excite=Excite, set_zones=SetZones),
     **_verbs("agent", EXTERNAL, take_control=TakeControl, release_control=ReleaseControl),
     **_verbs("agent", prepare_leaders=PrepareLeaders, commit_leaders=CommitLeaders),
     **_verbs("agent", withdraw_leaders=WithdrawLeaders, suspend=Suspend, resume=Resume),

@@ -45,10 +45,15 @@ def _check_vehicles(fleet: FleetFile) -> None:
     check_unique("transmitter.port", ports, os.path.normpath)
     _check_corners("volume", fleet.volume)
     for name, zone in fleet.zones.items():
-        _check_corners(f"zones.{name}", zone)
-        (x, y, _), (to_x, to_y, _) = zone.min_m, zone.max_m
-        if zone.shape == "cylinder" and not math.isclose(to_x - x, to_y - y):
-            raise FleetError(f"zones.{name}.max_m: a cylinder needs the corners of a square in x and y")
+        check_zone(name, zone)
+
+
+def check_zone(name: str, zone: Zone) -> None:
+    """Check the corners of a keep-out zone; raises `FleetError`."""
+    _check_corners(f"zones.{name}", zone)
+    (x, y, _), (to_x, to_y, _) = zone.min_m, zone.max_m
+    if zone.shape == "cylinder" and not math.isclose(to_x - x, to_y - y):
+        raise FleetError(f"zones.{name}.max_m: a cylinder needs the corners of a square in x and y")
 
 
 def _check_corners(where: str, bounds: VolumeConfig | Zone) -> None:

@@ -1,4 +1,4 @@
-"""Ways of flying vehicles to places near the floor, clear of each other in time; free places on the floor.
+"""Ways of flying vehicles, clear of zones, and of each other in time; free places on the floor.
 
 The vehicles get their ways one after another. A way is a wait and straight legs, at rest in between, clear of
 the ways that others have already and of the places where the rest hover. Hence all ways are clear of each
@@ -30,27 +30,31 @@ FREE_PLACES_M: Final = 0.1  # spacing of places that replace one that is taken
 
 
 def ways_to(
-    ends_m: Mapping[str, Array],
+    aims: Mapping[str, Array],
     present: Mapping[str, Array],
     standing_m: Sequence[Array],
     room: Room,
     half_axes_m: tuple[float, float],
 ) -> dict[str, FlightPath]:
-    """Return ways from where vehicles hover, x y z yaw, to `ABOVE_M` above `ends_m`, x y z on the floor.
+    """Return ways from where vehicles hover to where they will, both x, y, z [m], yaw [rad].
 
     All ways start at the same moment, and begin and end at rest. `standing_m`: places of other vehicles.
     `half_axes_m`: of the ellipsoid that a vehicle keeps clear, horizontal and vertical. Vehicles without a
     way are left out.
     """
-    starts = np.array([*present.values()])
-    aims = np.array([(*ends_m[name], place[3]) for name, place in present.items()])
-    aims[:, 2] = np.maximum(aims[:, 2] + ABOVE_M, room.min_m[2])
+    starts, ends = np.array([*present.values()]), np.array([aims[name] for name in present])
     across_m, upright_m = half_axes_m
     axes_m, ways = np.array([across_m, across_m, upright_m]), dict[int, FlightPath]()
     for seed in range(TRIES):
         if len(ways) < len(present):
-            ways = _Planner(starts, aims, standing_m, room, axes_m).ways(np.random.default_rng(seed))
+            ways = _Planner(starts, ends, standing_m, room, axes_m).ways(np.random.default_rng(seed))
     return {name: ways[index] for index, name in enumerate(present) if index in ways}
+
+
+def above(ends_m: Mapping[str, Array], present: Mapping[str, Array], room: Room) -> dict[str, Array]:
+    """Return where vehicles, x y z yaw, begin to land at places on the floor: `ABOVE_M` above these."""
+    heights_m = {name: max(end_m[2] + ABOVE_M, room.min_m[2]) for name, end_m in ends_m.items()}
+    return {name: np.array([*ends_m[name][:2], heights_m[name], at[3]]) for name, at in present.items()}
 
 
 def free_places(
@@ -117,16 +121,29 @@ class _Planner:
         return {index: _path(rests) for index, rests in enumerate(self._rests) if index not in left}
 
     def _ways(self, index: int) -> Iterator[list[Array]]:
-        """Yield the places of ways to an aim: straight, and up and over places beside the straight way."""
+        """Yield the places of ways to an aim: straight, and up and over places beside the straight way.
+
+        Where there are zones, also all the way beside the straight one.
+        """
         start, aim = self._rests[index][-1][1:], self._aims[index]
         yield [aim]
         aside = np.array([start[1] - aim[1], aim[0] - start[0]])
         aside = aside / max(float(np.linalg.norm(aside)), 1e-6)
         for level_m, aside_m in product(self._levels_m, ASIDE_M):
-            up, beside, over = np.copy(start), 0.5 * (start + aim), np.copy(aim)
-            up[2] = beside[2] = over[2] = level_m
-            beside[:2] = np.clip(beside[:2] + aside_m * aside, self._low_m[:2], self._high_m[:2])
-            yield [up, beside, over, aim] if aside_m else [up, over, aim]
+            up, over = np.copy(start), np.copy(aim)
+            up[2] = over[2] = level_m
+            if not aside_m:
+                yield [up, over, aim]
+                continue
+            shift_m = aside_m * aside
+            yield [up, self._beside(0.5 * (up + over), shift_m), over, aim]
+            if self._room.zones:
+                yield [up, self._beside(up, shift_m), self._beside(over, shift_m), over, aim]
+
+    def _beside(self, place: Array, shift_m: Array) -> Array:
+        """Return a place moved horizontally, within the volume."""
+        x_m, y_m = np.clip(place[:2] + shift_m, self._low_m[:2], self._high_m[:2])
+        return np.array([x_m, y_m, *place[2:]])
 
     def _somewhere(self, index: int, rng: np.random.Generator) -> list[Array]:
         """Return a random place, above the aims, to which a vehicle may move out of the way of others."""

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone, ZoneSet
 from rcopterx.formation.topology import AT_WORK, FormationGraph, Places, followers, formation_of, places
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
@@ -54,6 +54,17 @@ class Room:
         zones = {name: structs.replace(z, margin_m=z.margin_m + by_m) for name, z in self.zones.items()}
         return replace(self, min_m=three(low_m), max_m=three(high_m), zones=zones)
 
+    def with_beside(self, offsets_m: Iterable[Array]) -> "Room":
+        """Return the room of a vehicle whose followers, at these offsets, shape (3,), stay in this one."""
+        low_m, high_m, zones = np.array(self.min_m), np.array(self.max_m), dict(self.zones)
+        for number, offset_m in enumerate(offsets_m):
+            low_m = np.maximum(low_m, self.min_m - offset_m)
+            high_m = np.minimum(high_m, self.max_m - offset_m)
+            for name, zone in self.zones.items():
+                corners = {"min_m": three(zone.min_m - offset_m), "max_m": three(zone.max_m - offset_m)}
+                zones[f"{name} {number}"] = structs.replace(zone, **corners)
+        return replace(self, min_m=three(low_m), max_m=three(high_m), zones=zones)
+
     def barred(self, way: Array) -> str | None:
         """Name the keep-out zone that a place, x y z first, or a way enters, as `entered`; None if none."""
         for name, zone in self.zones.items():
@@ -87,6 +98,22 @@ class Room:
             f"{name} and {other_name} would be {distance_m:.3g} m apart, "
             f"the minimum distance is {self.minimum_distance_m:g} m"
         )
+
+
+class PresentRoom:
+    """The room of a vehicle at present: its keep-out zones change in flight."""
+
+    def __init__(self, room: Room) -> None:
+        self.now = room
+        self.zones: ZoneSet | None = None  # that replace those of the fleet file; None until one is changed
+
+    def adopt(self, known: Iterable[ZoneSet | None]) -> bool:
+        """Adopt the latest of these sets of zones if the present one is older; return whether it was."""
+        latest = max(filter(None, (self.zones, *known)), key=lambda zones: zones.revision, default=None)
+        if latest is None or latest is self.zones:
+            return False
+        self.zones, self.now = latest, replace(self.now, zones=latest.zones)
+        return True
 
 
 def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> str | None:

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rcopterx.bus.messages import Zone
     from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
     from rcopterx.control.references.paths import FlightPath, PathError
     from rcopterx.ground_station.scripting.fleet import Fleet
@@ -14,10 +15,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Fleet", "FlightPath", "NotReachedError", "PathError", "RefusedError", "Vehicle", "VehicleState",
-    "circle", "figure_eight", "launched", "spiral", "through",
+    "Zone", "circle", "figure_eight", "launched", "spiral", "through",
 ]  # fmt: skip
 
 _MODULES = {
+    "bus.messages": ("Zone",),
     "control.references.path_shapes": ("circle", "figure_eight", "spiral", "through"),
     "control.references.paths": ("FlightPath", "PathError"),
     "ground_station.scripting.fleet": ("Fleet",),

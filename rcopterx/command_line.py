@@ -14,7 +14,7 @@ from rcopterx.commands.fleet_option import user_errors, with_options
 from rcopterx.tables import table_beside
 
 _PANELS: Final = table_beside(fleet_option.__file__, "commands")
-WITH_COORDINATES: Final = ("goto",)  # commands that do not check for unknown options: -0.5 is a number
+WITH_COORDINATES: Final = ("goto", "zone")  # commands that do not check for unknown options: -0.5 is a number
 PLACES: Final = {
     function.partition(".")[2].strip("_").replace("_", "-"): (panel, *function.split("."))
     for panel, functions in _PANELS.items()

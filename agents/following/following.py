@@ -17,6 +17,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, Diagnostics, LeaderLink
 from rcopterx.bus.stepping import StepBus
 from rcopterx.formation.law import FollowedLeader, LeaderPlan
+from rcopterx.formation.placement import PresentRoom, entered
 from rcopterx.formation.succession import (
     Finding,
     FollowingMode,
@@ -142,8 +143,9 @@ class Following:
         self.peers = PeerStatuses(vehicle, statuses, bus.clock)
         neighbours = partial(bus.subscribe, channels.PLAN, waking=False)
         self.traffic = Traffic(vehicle, settings.separation, neighbours)
+        self.room = PresentRoom(settings.room)
         self.changes = LeaderChanges(
-            vehicle, settings.vehicles, settings.room, pilot, self.plans, self.peers, bus.clock
+            vehicle, settings.vehicles, self.room, pilot, self.plans, self.peers, bus.clock
         )
         self.lost = LostLeaders(vehicle, settings.succession, pilot, self.plans, self.peers, bus.clock)
 
@@ -175,3 +177,8 @@ class Following:
         """See `rcopterx.agents.reporting.Reports`."""
         to.plan_age_s = self.plans.plan_age_s(now_s, self._pilot.guidance.leaders)
         to.rejected |= {**self.plans.rejected, **self.traffic.rejected}
+        if (reference := self._pilot.reference) is not None:
+            zones, place_m = self.room.now.zones.items(), reference[None, :3]
+            to.remarks += tuple(
+                f"in the zone {name}" for name, zone in zones if entered(zone, place_m) is not None
+            )

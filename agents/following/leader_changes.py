@@ -20,7 +20,7 @@ from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, 
 from rcopterx.bus.session import Incoming
 from rcopterx.control.references.columns import POSE
 from rcopterx.control.references.set_points import SetPointReference
-from rcopterx.formation.placement import Room, offset_problem, place_problem
+from rcopterx.formation.placement import PresentRoom, offset_problem, place_problem
 from rcopterx.formation.topology import ancestors, in_words, line_between
 from rcopterx.user_text import similar
 from rcopterx.vehicles.phases import Phase
@@ -102,7 +102,7 @@ class LeaderChanges:
 
     vehicle: str
     vehicles: Sequence[str]
-    room: Room
+    room: PresentRoom
     pilot: Pilot
     plans: LeaderPlans
     peers: PeerStatuses
@@ -240,7 +240,7 @@ class LeaderChanges:
         if bool(names) == (request.set_point is not None):
             return "set_point: needed exactly where following is empty"
         if request.set_point is not None:
-            problem = self.room.outside(np.array(request.set_point.position_m))
+            problem = self.room.now.outside(np.array(request.set_point.position_m))
             if problem is not None:
                 return problem
         return self._regrouping.busy(request.operation)
@@ -300,7 +300,7 @@ class LeaderChanges:
             line = self.plans.cycle_through(link.leader)
             if line is not None:
                 return f"a cycle: {in_words((self.vehicle, *line))}"
-        problem = offset_problem(self.vehicle, following, self.room)
+        problem = offset_problem(self.vehicle, following, self.room.now)
         if problem is not None or not self.pilot.guidance.rotor_on:
             return problem
         links, heads = self.peers.formation()
@@ -311,7 +311,7 @@ class LeaderChanges:
                 # Its plan has arrived, its status has not: the end of the plan is its place.
                 heads[link.leader] = plan.trajectory.to_numpy()[-1, POSE].copy()
                 links = {**links, link.leader: ()}
-        return place_problem(self.vehicle, following, links, heads, self.room)
+        return place_problem(self.vehicle, following, links, heads, self.room.now)
 
     def _follow(self, following: Sequence[LeaderLink], transition_s: float | None) -> None:
         pilot = self.pilot

@@ -18,11 +18,12 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import without_guard
 from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.bus import requests
+from rcopterx.bus.messages import ZoneSet
 from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.control.references.columns import POSE
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
-from rcopterx.control.references.set_points import TimedPath
+from rcopterx.control.references.set_points import SuspendedPath, TimedPath
 from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.formation.placement import move_problem, take_off_problem
 from rcopterx.formation.profile_limits import profile_limits_of
@@ -153,6 +154,7 @@ class RequestHandler:
             requests.WithdrawLeaders: self._withdraw,
             requests.Suspend: self._suspend,
             requests.Resume: self._suspend,
+            requests.SetZones: self._set_zones,
         }
         self._later: dict[type[requests.Request], Callable[[Incoming, Any], None]] = {
             requests.Follow: self.changes.wait,
@@ -224,7 +226,7 @@ class RequestHandler:
         if guidance.takes_off_to(request.height_m):
             return reply_of(None)  # The sender repeats a request whose reply was lost.
         floor_m = float(self.pilot.estimate.motion[2])
-        top_m = self.settings.room.max_m[2]
+        top_m = self.changes.room.now.max_m[2]
         if floor_m + request.height_m > top_m:
             return reply_of(
                 f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m"
@@ -235,14 +237,14 @@ class RequestHandler:
             request.height_m,
             tuple(target_link(link) for link in guidance.task.assigned),
             self.peers.statuses(),
-            self.settings.room,
+            self.changes.room.now,
         )
         return reply_of(problem or self.pilot.take_off(request.height_m))
 
     def _land(self, _: requests.Land) -> requests.Reply:
         guidance, place_m = self.pilot.guidance, self.pilot.estimate.motion[:3]
         down = np.array([place_m, (*place_m[:2], guidance.task.floor_m)])
-        if guidance.phase is Phase.FLYING and (problem := self.settings.room.barred(down)) is not None:
+        if guidance.phase is Phase.FLYING and (problem := self.changes.room.now.barred(down)) is not None:
             return reply_of(f"on its way down {problem}")
         return reply_of(guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
@@ -264,11 +266,11 @@ class RequestHandler:
 
     def _check_of(self, links: FormationGraph, heads: Mapping[str, Array]) -> RoomCheck:
         """Return the check of a way for the present followers and for vehicles that are not avoided."""
-        own, others = self.settings.vehicle, {}
+        own, others, room = self.settings.vehicle, {}, self.changes.room.now
         if self.settings.separation is None or self.pilot.step_guard.avoiding is None:
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
-        return partial(move_problem, own, links=links, heads=heads, room=self.settings.room, unrelated=others)
+        return partial(move_problem, own, links=links, heads=heads, room=room, unrelated=others)
 
     def _lead(self, _: requests.Lead) -> requests.Reply:
         self.changes.lead()
@@ -286,8 +288,35 @@ class RequestHandler:
             return reply_of(problem)
         at_s = clock.time_s + (request.frame - clock.current_frame) * clock.period_s
         if isinstance(request, requests.Resume):
-            return reply_of(guidance.resume(clock.time_s, at_s), "goes on")
+            source = guidance.task.source
+            problem = self._barred(source.rest) if isinstance(source, SuspendedPath) else None
+            return reply_of(problem or guidance.resume(clock.time_s, at_s), "goes on")
         return reply_of(None, guidance.suspend(self.pilot.estimate, clock.time_s, at_s))
+
+    def _set_zones(self, request: requests.SetZones) -> requests.Reply:
+        """Change the keep-out zones, unless another program has changed them since the sender saw them."""
+        self.adopt_zones(request.zones)
+        same = request.zones == self.changes.room.zones  # as well if a request is repeated
+        return reply_of(None if same else "its zones have changed meanwhile, try again")
+
+    def adopt_zones(self, *others: ZoneSet | None) -> None:
+        """Adopt the latest zones of these and of other agents; suspend the own way if they bar it."""
+        known = [status.zones for status in self.peers.statuses().values()]
+        if not self.changes.room.adopt([*others, *known]):
+            return
+        guidance, time_s = self.pilot.guidance, self.pilot.clock.time_s
+        source = guidance.task.source
+        if not isinstance(source, TimedPath) or source.finished(time_s):
+            return
+        if guidance.flight_problem() or guidance.suspended:
+            return
+        if (problem := self._barred(source.path, time_s - source.start_s)) is not None:
+            guidance.remark = f"{guidance.suspend(self.pilot.estimate, time_s, time_s)}: {problem}"
+
+    def _barred(self, path: FlightPath, from_s: float = 0.0) -> str | None:
+        """Return why the rest of an accepted path cannot be flown any more, followers beside it; or None."""
+        way = path.sample(np.arange(from_s, path.duration_s + CHECKED_EVERY_S, CHECKED_EVERY_S))[:, POSE]
+        return self._check_of(*self.peers.formation())(way, unrelated={})
 
     def _excite(self, request: requests.Excite) -> requests.Reply:
         exciter, guidance, clock = self.pilot.exciter, self.pilot.guidance, self.pilot.clock
@@ -300,7 +329,7 @@ class RequestHandler:
         if guidance.path_left_s(clock.time_s) > 0.0:
             problem = "it flies a trajectory"
         place_m, _ = guidance.set_point()
-        around = self.settings.room.shrunk(request.reach_m).outside(place_m)
+        around = self.changes.room.now.shrunk(request.reach_m).outside(place_m)
         problem = problem or (around and f"no room for {request.reach_m:g} m around its set point: {around}")
         try:
             excitation = Excitation(request.amplitude, request.duration_s, request.comb)

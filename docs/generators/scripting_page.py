@@ -17,7 +17,7 @@ END: Final = "<!-- end -->\n"
 PAGE: Final = Path(__file__).resolve().parents[1] / "scripting.md"
 CLASSES: Final = (Fleet, Vehicle, VehicleState)
 ALIASES: Final = {"Parameters": Parameters, "Setting": Setting}  # the outer one first
-INTERNAL: Final = frozenset({"statuses", "frame_period_s"})
+INTERNAL: Final = frozenset({"statuses", "frame_period_s", "moving_state_of"})
 
 
 def reference() -> str:

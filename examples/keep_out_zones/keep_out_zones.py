@@ -1,9 +1,9 @@
-"""Two helicopters fly round a pillar and a table, and are refused what leads into them."""
+"""Two helicopters fly round a pillar, a table and a visitor, and are refused what leads into them."""
 
 import sys
 from pathlib import Path
 
-from rcopterx import RefusedError, launched
+from rcopterx import RefusedError, Zone, launched
 
 FLEET = Path(__file__).with_suffix(".toml")
 
@@ -33,6 +33,10 @@ def fly(fleet):
     fleet["h2"].go_to((-0.6, 0.9, 1.0))
     fleet.wait_for_arrival()
     reasons.append(refused(fleet["h2"].land))  # above the table
+    fleet["h1"].go_to((0.9, 0.6, 0.8))  # nothing follows it any more: it flies round the pillar
+    fleet.wait_for_arrival(timeout_s=30.0)
+    fleet.set_zone("visitor", Zone(min_m=(-0.9, -0.9, 0.0), max_m=(-0.4, -0.5, 1.9)))
+    reasons.append(refused(fleet["h2"].go_to, (-0.6, -0.6, 1.0)))
     fleet["h1"].go_to((1.1, -0.2, 0.8))
     fleet.wait_for_arrival()
     fleet.home()  # h1 behind the pillar, h2 above the table

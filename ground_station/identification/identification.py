@@ -14,13 +14,13 @@ from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
-from rcopterx.fleet.formation_check import room_of
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.flights.ordinary_flight import recording_of
 from rcopterx.ground_station.identification.spacing import IdentificationError, spread, usual_reach
 from rcopterx.ground_station.report.recorder import FlightSampler, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.room import present_room
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 from rcopterx.vehicles.state import four
 
@@ -69,7 +69,7 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
         for name, status in flying.items()
     }
     places = {name: home.position_m for name, home in homes.items()}
-    room = room_of(fleet.file, names[0])
+    room = present_room(fleet, names[0])
     reach_m = reach_m or usual_reach(len(names), room)
     apart = spread(places, reach_m, room)
     not_back: dict[str, str] = {}

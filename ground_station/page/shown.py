@@ -68,7 +68,7 @@ class FleetShown:
         self._took_off_s = (self._took_off_s or now_s) if airborne else None
         problems = [] if airborne or down else self._fleet.problems()
         sentence = self._down if down else fleet_sentence(states, problems)
-        shown = Shown(time_s=now_s, down=down) | self._more(sentence)
+        shown = Shown(time_s=now_s, down=down, zones=self._fleet.zones.zones) | self._more(sentence)
         if down:
             return shown
         causes = [cause for state in states for cause in causes_of(state)]

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from rcopterx.bus.message import Name, Place, Setting
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.messages import LeaderLink, Zone
 from rcopterx.formation.shapes import ShapeName
 from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.view import link_to
@@ -150,6 +150,15 @@ class PageSteering:
         """Make a vehicle the leader of its formation."""
         self.run("promotion", lambda: "; ".join(self._fleet.promote(name)))
 
+    def set_zone(self, zone: Name, low_m: Place, high_m: Place, shape: Literal["box", "cylinder"]) -> None:
+        """Keep vehicles out of a box or an upright cylinder from now on."""
+        made = Zone(min_m=low_m, max_m=high_m, shape=shape)
+        self.run(f"zone {zone}", lambda: self._fleet.set_zone(zone, made), f"vehicles keep out of {zone}")
+
+    def remove_zone(self, zone: Name) -> None:
+        """Let vehicles fly where a zone has kept them out."""
+        self.run(f"zone {zone}", lambda: self._fleet.set_zone(zone, None), f"{zone} is no zone any more")
+
     def tune(self, name: str, controller: str | None, settings: Mapping[str, Setting]) -> bool:
         """Change the controller of a vehicle, or settings of it."""
         vehicle = self._fleet[name]
@@ -185,7 +194,7 @@ class PageSteering:
 
 ALLOWED: Final = (
     "kill", "take_off", "home", "land", "reset", "move", "go_to", "follow", "formation", "promote",
-    "use_controller", "weigh", "fly_through", "suspend", "resume",
+    "use_controller", "weigh", "fly_through", "suspend", "resume", "set_zone", "remove_zone",
 )  # fmt: skip
 
 

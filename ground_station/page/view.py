@@ -58,7 +58,6 @@ def fleet_shown(file: FleetFile, steers: bool) -> Shown:
         "vehicles": vehicles,
         "subjects": list(file.subjects),
         "volume_m": (file.volume.min_m, file.volume.max_m),
-        "zones": file.zones,
         "controllers": list(CONTROLLERS.available()),
         "shapes": list(SHAPES),
         "groups": GROUPS,

@@ -7,21 +7,19 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rcopterx.bus.requests import Resume, Suspend
 from rcopterx.bus.session import RequestFailedError
-from rcopterx.fleet.formation_check import links_of, room_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
-from rcopterx.formation.placement import take_off_problem
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.room import join_problem, present_room
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, arrived_after
 from rcopterx.vehicles.phases import AIRBORNE
 
 if TYPE_CHECKING:
+    from rcopterx.bus.messages import Zone
     from rcopterx.deploy.hosts.launcher import Launcher
 
 RETRY_S = 0.1
@@ -121,7 +119,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         from rcopterx.ground_station.scripting.regroup import shaped
 
         self.wait_for_status()
-        statuses, room = self.statuses(*self.file.subjects.keys() & {leader}), room_of(self.file)
+        statuses, room = self.statuses(*self.file.subjects.keys() & {leader}), present_room(self)
         waiting, lines = shaped(statuses, shape, leader, spacing_m, room, assign), []
         while waiting:
             refused: dict[str, RefusedError] = {}
@@ -134,6 +132,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 raise next(iter(refused.values()))
             waiting = {name: waiting[name] for name in refused}
         return lines
+
+    def set_zone(self, name: str, zone: "Zone | None") -> None:
+        """Add, change, or with None remove a keep-out zone, until all agents have ended.
+
+        A way that it bars is suspended. Raises `RefusedError`: another program has changed zones meanwhile,
+        or there is none of the name; `FleetError`: its corners are wrong.
+        """
+        from rcopterx.ground_station.scripting.zones import change_zone
+
+        self.wait_for_status()
+        change_zone(self, name, zone)
 
     def suspend(self) -> list[str]:
         """Let all vehicles in the air come to rest on their ways, at one frame; followers with their leaders.
@@ -286,8 +295,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         vehicle is above it or at its future place, its agent could not be started, or something is missing;
         the others fly on.
         """
-        problem = self._join_problem(name, height_m)
-        if problem is not None:
+        self.wait_for_status()
+        if (problem := join_problem(self, name, height_m)) is not None:
             raise RefusedError(f"{name}: {problem}")
         self[name].start()
         started_s = self.session.clock()
@@ -304,15 +313,6 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             self.wait_for_formation([name], timeout_s=timeout_s)
             return f"{name} follows {', '.join(leaders)}"
         return f"{name} flies"
-
-    def _join_problem(self, name: str, height_m: float) -> str | None:
-        """Vehicle in its way, as its agent would find as well; None while its position is unknown."""
-        self.wait_for_status()
-        state = self._moving_state_of(name, lambda state: state.seen_at_m is not None)
-        if state.seen_at_m is None or state.airborne:
-            return None
-        following, room = links_of(self.file)[name], room_of(self.file, name)
-        return take_off_problem(name, np.array(state.seen_at_m), height_m, following, self.statuses(), room)
 
     def leave(self, name: str, timeout_s: float = 15.0) -> None:
         """Land a vehicle and end its agent; the others fly on.

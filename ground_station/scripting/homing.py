@@ -9,10 +9,10 @@ import numpy as np
 
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.fleet.formation_check import room_of
-from rcopterx.formation.homing import LONGEST_S, free_places, ways_to
+from rcopterx.formation.homing import LONGEST_S, above, free_places, ways_to
 from rcopterx.formation.topology import followers, formation_of
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.room import present_room
 from rcopterx.ground_station.scripting.state import arrival_problem
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
@@ -71,7 +71,7 @@ def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     avoidance, statuses = fleet.file.avoidance, fleet.statuses()
     if missing := [name for name in flying if name not in statuses]:
         raise RefusedError(f"{', '.join(missing)}: the agent is silent")
-    room = room_of(fleet.file).shrunk(INSIDE_M)
+    room = present_room(fleet).shrunk(INSIDE_M)
     present, homes_m = {}, {}
     for name in flying:
         status = statuses[name]
@@ -84,7 +84,7 @@ def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     ends_m = free_places(homes_m, others_m, room, across_m)
     if missing := [name for name in flying if name not in ends_m]:
         raise RefusedError(f"{', '.join(missing)}: no place on the floor is free")
-    ways = ways_to(ends_m, present, others_m, room, (across_m, avoidance.vertical_m))
+    ways = ways_to(above(ends_m, present, room), present, others_m, room, (across_m, avoidance.vertical_m))
     if missing := [name for name in flying if name not in ways]:
         raise RefusedError(f"{', '.join(missing)}: no way home is clear of the others")
     return ways

@@ -74,7 +74,7 @@ class Observer(Reader):
         """Leave the bus; the fleet flies on."""
         self.session.close()
 
-    def _moving_state_of(self, name: str, complete: Callable[[VehicleState], bool]) -> VehicleState:
+    def moving_state_of(self, name: str, complete: Callable[[VehicleState], bool]) -> VehicleState:
         """State of a vehicle with its motion; waits until it is complete if the subscription is new."""
         left_s = self.watch_motion().since_s + FIRST_MOTION_S - self.session.clock()
         if left_s > 0:
@@ -83,7 +83,7 @@ class Observer(Reader):
 
     def plan_of(self, name: str) -> Plan | None:
         """Newest plan of a vehicle, None before the first; the first call subscribes to plans."""
-        return self._moving_state_of(name, lambda state: state.plan is not None).plan
+        return self.moving_state_of(name, lambda state: state.plan is not None).plan
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""

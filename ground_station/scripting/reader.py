@@ -8,7 +8,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import AgentStatus, Plan, Pose
+from rcopterx.bus.messages import AgentStatus, Plan, Pose, ZoneSet
 from rcopterx.bus.subscription import Inbox, Source, Units
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.notes import (
@@ -187,6 +187,13 @@ class Reader:
         """Newest statuses of the agents by vehicle, without silent ones, and those of these subjects."""
         known = _alive(self._agents.inboxes, self.source.clock())
         return {name: known[name] for name in (*self.file.vehicles, *subjects) if name in known}
+
+    @property
+    def zones(self) -> ZoneSet:
+        """Keep-out zones: those of the fleet file, or the latest of any agent once they were changed."""
+        changed = [status.zones for status in self.statuses().values() if status.zones is not None]
+        of_file = ZoneSet(revision=0, zones=self.file.zones)
+        return max(changed, key=lambda zones: zones.revision, default=of_file)
 
     def frame_period_s(self, name: str) -> float:
         """Time between the frames of the motion capture [s]."""

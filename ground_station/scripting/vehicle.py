@@ -69,10 +69,20 @@ class Vehicle:
         self._request(requests.Land())
 
     def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0, turns: int = 0) -> None:
-        """Fly to a set point in the inertial frame, turning the nearest way and `turns` whole turns more."""
-        x, y, z = position_m
-        set_point = SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))
-        self._request(requests.GoTo(set_point=set_point, turns=turns))
+        """Fly to a set point in the inertial frame, turning the nearest way and `turns` whole turns more.
+
+        Where keep-out zones bar the straight way, it flies round or over them, if there is a way.
+        """
+        x, y, z = map(float, position_m)
+        set_point = SetPoint(position_m=(x, y, z), yaw_rad=float(yaw_rad))
+        try:
+            self._request(requests.GoTo(set_point=set_point, turns=turns))
+        except RefusedError:
+            from rcopterx.ground_station.scripting.room import way_round  # Needs numerical libraries.
+
+            if turns or (way := way_round(self._fleet, self.name, (x, y, z, yaw_rad))) is None:
+                raise
+            self.fly(way)
 
     def fly(self, path: FlightPath, wait: bool = False) -> str:
         """Fly a trajectory from `circle`, `figure_eight`, `spiral` or `through`; returns how long it takes.

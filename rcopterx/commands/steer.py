@@ -1,7 +1,7 @@
 """Commands to a running fleet."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from typer import Argument
@@ -184,6 +184,35 @@ def home(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     with running_fleet(fleet, vehicles) as running:
         running.home(vehicles or None)
         typer.echo("home")
+
+
+def zone(
+    name: str | None = None,
+    low: str | None = None,
+    high: str | None = None,
+    cylinder: bool = False,
+    margin: float = 0.2,
+    remove: bool = False,
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Add, move or remove a keep-out zone in flight, or list all: zone table -0.5,0,0 0.5,0.4,0.8."""
+    from rcopterx.bus.messages import Zone
+
+    if name is not None and not remove and (low is None or high is None):
+        raise typer.BadParameter("give two corners, or --remove", param_hint="NAME")
+    made = None
+    if low is not None and high is not None and not remove:
+        shape: Literal["box", "cylinder"] = "cylinder" if cylinder else "box"
+        made = Zone(min_m=three(low), max_m=three(high), shape=shape, margin_m=margin)
+    with running_fleet(fleet) as running:
+        if name is not None:
+            running.set_zone(name, made)
+            typer.echo(f"{name}: removed" if made is None else f"{name}: vehicles keep out of it")
+            return
+        running.wait_for_status()
+        for known, one in running.zones.zones.items():
+            corners = " to ".join(",".join(f"{at_m:g}" for at_m in at) for at in (one.min_m, one.max_m))
+            typer.echo(f"{known}: {one.shape} from {corners} m, margin {one.margin_m:g} m")
 
 
 def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:

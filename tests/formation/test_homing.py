@@ -13,7 +13,7 @@ from rcopterx.bus.messages import Zone
 from rcopterx.control.references.paths import path_problem
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.formation.homing import ABOVE_M, LONGEST_S, free_places, ways_to
+from rcopterx.formation.homing import ABOVE_M, LONGEST_S, above, free_places, ways_to
 from rcopterx.formation.placement import Room, entered
 
 SHIPPED = Path(rcopterx.fleet.__file__).parent / "fleets"
@@ -72,7 +72,7 @@ def flown(seed: int) -> tuple[float, float]:
     this = situation(seed)
     ends_m = free_places(this.homes_m, this.standing_m, ROOM, HALF_AXES_M[0])
     assert ends_m.keys() == this.homes_m.keys()
-    ways = ways_to(ends_m, this.present, this.standing_m, ROOM, HALF_AXES_M)
+    ways = ways_to(above(ends_m, this.present, ROOM), this.present, this.standing_m, ROOM, HALF_AXES_M)
     assert ways.keys() == this.present.keys(), seed
     at_s = np.arange(0.0, LONGEST_S, 0.02)
     tracks = [way.sample(at_s)[:, :3] for way in ways.values()]
@@ -123,7 +123,9 @@ def test_vehicles_of_every_shipped_fleet_can_fly_the_ways(fleet: str) -> None:
     for name in {vehicle.type: name for name, vehicle in file.vehicles.items()}.values():
         model, home_m, room = model_of(file, name), np.zeros(3), Room(low_m, high_m)
         for start_m in ((0.9, -0.9, 1.8), (0.0, 0.0, 1.8), (-0.9, 0.0, 0.6)):
-            (way,) = ways_to({name: home_m}, {name: np.append(start_m, 0.7)}, [], room, HALF_AXES_M).values()
+            present = {name: np.append(start_m, 0.7)}
+            aims = above({name: home_m}, present, room)
+            (way,) = ways_to(aims, present, [], room, HALF_AXES_M).values()
             assert path_problem(way, model, way.duration_s) is None, name
 
 
@@ -139,7 +141,7 @@ def test_ways_lead_round_a_zone_and_end_beside_it(shape: str) -> None:
     ends_m = free_places(homes_m, [], room, HALF_AXES_M[0])
     assert math.dist(ends_m["h1"], homes_m["h1"]) == 0.0
     assert 0.2 < math.dist(ends_m["h2"], homes_m["h2"]) < 0.7
-    ways = ways_to(ends_m, present, [], room, HALF_AXES_M)
+    ways = ways_to(above(ends_m, present, room), present, [], room, HALF_AXES_M)
     assert ways.keys() == present.keys()
     for name, way in ways.items():
         track = way.sample(np.arange(0.0, way.duration_s, 0.02))[:, :3]

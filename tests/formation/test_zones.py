@@ -131,3 +131,17 @@ def test_a_shrunk_room_is_that_of_what_reaches_beyond_its_place() -> None:
         == "y: 0.8 m is outside the flight volume -0.7 .. 0.7 m"
     )
     assert "not 0.5 m clear" in (ROOM.shrunk(0.3).outside(np.array([0.4, 0.4, 1.2])) or "")
+
+
+@given(
+    zones(),
+    st.tuples(coordinates, coordinates, coordinates),
+    st.tuples(coordinates, coordinates, coordinates),
+)
+def test_a_place_is_free_with_a_follower_beside_it_exactly_if_both_places_are_free(
+    zone: Zone, place_m: tuple[float, float, float], offset_m: tuple[float, float, float]
+) -> None:
+    room = Room((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0), zones={"zone": zone})
+    own, beside = np.array(place_m), np.array(place_m) + offset_m
+    free = room.outside(own) is None and room.outside(beside) is None
+    assert (room.with_beside([np.array(offset_m)]).outside(own) is None) == free

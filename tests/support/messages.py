@@ -151,6 +151,8 @@ def _value(kind: Any) -> st.SearchStrategy[Any]:
             return st.from_regex(pattern, fullmatch=True).filter(lambda text: not text.endswith("\n"))
         case inspect.StrType():
             return st.text(min_size=kind.min_length or 0, max_size=20)
+        case inspect.LiteralType():
+            return st.sampled_from(kind.values)
         case inspect.NoneType():
             return st.none()
         case inspect.UnionType():

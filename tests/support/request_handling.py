@@ -20,7 +20,7 @@ from rcopterx.bus.requests import Follow, GoTo, Reply, Request
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
-from rcopterx.formation.placement import Room
+from rcopterx.formation.placement import PresentRoom, Room
 from rcopterx.vehicles.phases import Event
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
@@ -73,7 +73,7 @@ class HandlerBench:
         self.tuning = Tuning(settings.configuration, self.pilot, 0.02)
         external = ExternalControl(self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
         self.changes = LeaderChanges(
-            "h9", settings.vehicles, settings.room, self.pilot, self.leaders, peers, self.clock
+            "h9", settings.vehicles, PresentRoom(settings.room), self.pilot, self.leaders, peers, self.clock
         )
         self.handler = RequestHandler(settings, self.pilot, self.changes, peers, self.tuning, external)
         self.frame = 10

@@ -69,6 +69,8 @@ link.addEventListener('motion', ({ detail }) => {
 });
 link.addEventListener('texts', ({ detail }) => {
   texts = detail;
+  scene.setZones(texts.zones ?? {});
+  tools.showZones(texts.zones ?? {});
   if (texts.down) live = {};
   if (texts.down && !strip.paused) showMotion();
   for (const [name, row] of Object.entries(texts.rows ?? {})) {

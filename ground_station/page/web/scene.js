@@ -19,6 +19,8 @@ export class Scene {
     this.motion = {};
     this.labels = {};
     this.waypoints = [];
+    this.zones = {};
+    this.corner = null; // first one of a zone that is drawn
     this.ghosts = {};
     this.dirty = this.untouched = true;
     this.view = 'home';
@@ -39,6 +41,13 @@ export class Scene {
     this.fleet = fleet;
     this.samples = samples;
     this.look(this.view);
+  }
+
+  /** Show keep-out zones by name. */
+  setZones(zones) {
+    if (JSON.stringify(zones) === JSON.stringify(this.zones)) return;
+    this.zones = zones;
+    this.dirty = true;
   }
 
   /** Show the whole volume from a side by name. */
@@ -153,7 +162,7 @@ export class Scene {
   /** Keep-out zones without their margins: floor, walls, top and name. */
   drawZones() {
     const { painter, colours } = this;
-    for (const [name, { min_m: low, max_m: high, shape }] of Object.entries(this.fleet.zones ?? {})) {
+    for (const [name, { min_m: low, max_m: high, shape }] of Object.entries(this.zones)) {
       const [corners, reach] = shape === 'cylinder' ? [24, 0.5] : [4, Math.SQRT1_2];
       const ring = [...Array(corners).keys()].map((i) => (2 * i + 1) * Math.PI / corners).map((angle) => (
         [Math.cos(angle), Math.sin(angle)].map((share, axis) => (low[axis] + high[axis]) / 2 + share * reach * (high[axis] - low[axis]))));
@@ -167,6 +176,7 @@ export class Scene {
       painter.context.globalAlpha = 1;
       painter.text([...[0, 1].map((axis) => (low[axis] + high[axis]) / 2), high[2]], name, colours.red, colours.back);
     }
+    if (this.corner) painter.ball(this.corner, 0.03, colours.red, { ring: 2, least: 5 });
   }
 
   /** Shadow on the floor and the height above it. */

@@ -5,8 +5,8 @@ from support.request_handling import SETTINGS, UP, HandlerBench, follow_at, go_t
 from support.statuses import hovering
 
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import LeaderLink, Zone
-from rcopterx.bus.requests import Excite, Fly, Land, TakeOff
+from rcopterx.bus.messages import LeaderLink, Zone, ZoneSet
+from rcopterx.bus.requests import Excite, Fly, Land, Resume, SetZones, TakeOff
 from rcopterx.control.references.path_shapes import circle, through
 from rcopterx.formation.placement import Room
 from rcopterx.vehicles.phases import Event, Phase
@@ -126,3 +126,62 @@ def test_an_excitation_needs_room_beside_zones(bench: HandlerBench) -> None:
     assert "no room for 0.3 m around its set point: (0.10, 0.20, 1.00) m is not 0.5 m clear" in str(
         bench.ask(excite).refusal
     )
+
+
+PILLAR = Zone(min_m=(0.5, -0.2, 0.0), max_m=(0.7, 0.6, 1.1))
+
+
+def zones(revision: int, **named: Zone) -> SetZones:
+    return SetZones(zones=ZoneSet(revision=revision, zones=named))
+
+
+def test_a_zone_that_is_set_in_flight_counts_at_once_and_no_longer_once_it_is_removed() -> None:
+    bench = HandlerBench()
+    bench.fly()
+    assert bench.ask(zones(1, table=PILLAR)).refusal is None
+    assert WORDS in str(bench.ask(go_to(0.6, 0.2, 1.0)).refusal)
+    assert bench.ask(zones(1, table=PILLAR)).refusal is None, "the request is repeated"
+    assert "meanwhile" in str(bench.ask(zones(1)).refusal), "another program has changed them"
+    assert bench.ask(zones(2)).refusal is None
+    assert bench.ask(go_to(0.6, 0.2, 1.0)).refusal is None
+
+
+def test_an_agent_adopts_the_zones_that_the_others_have_and_of_two_sets_the_later_one() -> None:
+    bench = HandlerBench()
+    bench.fly()
+    say(bench, "h1", hovering((-1.0, 0.0, 1.0), zones=ZoneSet(revision=2, zones={"table": PILLAR})))
+    say(bench, "h2", hovering((-1.0, 1.0, 1.0), zones=ZoneSet(revision=1, zones={})))
+    bench.handler.adopt_zones()
+    assert WORDS in str(bench.ask(go_to(0.6, 0.2, 1.0)).refusal)
+    say(bench, "h2", hovering((-1.0, 1.0, 1.0), zones=ZoneSet(revision=2, zones={})))
+    bench.handler.adopt_zones()
+    assert WORDS in str(bench.ask(go_to(0.6, 0.2, 1.0)).refusal), "two programs at the same moment"
+    bench.handler.adopt_zones(ZoneSet(revision=3, zones={}))
+    assert bench.ask(go_to(0.6, 0.2, 1.0)).refusal is None
+
+
+def test_a_trajectory_that_a_new_zone_bars_is_suspended_and_goes_on_once_it_is_removed() -> None:
+    bench = HandlerBench()
+    bench.fly()
+    rows = [(0.0, 0.1, 0.2, 1.0, 0.0), (8.0, 0.9, 0.2, 1.0, 0.0)]
+    assert bench.ask(Fly(knots=FloatArray.of(through(rows).knots))).refusal is None
+    assert bench.ask(zones(1, table=PILLAR)).refusal is None
+    guidance = bench.pilot.guidance
+    assert guidance.suspended
+    assert guidance.remark.startswith("suspended: (0.3")
+    assert WORDS in guidance.remark
+    for _ in range(150):
+        bench.see()
+    ahead = bench.frame + 10
+    assert WORDS in str(bench.ask(Resume(epoch=1, frame=ahead)).refusal)
+    assert bench.ask(zones(2)).refusal is None
+    assert bench.ask(Resume(epoch=1, frame=ahead)).refusal is None
+
+
+def test_a_trajectory_that_a_new_zone_does_not_bar_goes_on() -> None:
+    bench = HandlerBench()
+    bench.fly()
+    rows = [(0.0, 0.1, 0.2, 1.0, 0.0), (8.0, -0.9, 0.2, 1.0, 0.0)]
+    assert bench.ask(Fly(knots=FloatArray.of(through(rows).knots))).refusal is None
+    assert bench.ask(zones(1, table=PILLAR)).refusal is None
+    assert not bench.pilot.guidance.suspended

@@ -18,6 +18,7 @@ from integration_support import (
     wait_for_successor,
 )
 
+from rcopterx import RefusedError, Zone, through
 from rcopterx_studies.faults.agent_process import kill_agent
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
@@ -43,6 +44,31 @@ def test_leader_and_fleet_fly_on_when_its_agent_is_killed(flying: Flying, truth:
     fly_to(flying, truth, (0.2, 0.0, 0.9))
     truth.assert_none_touched_down()
     assert flying.restarts("agent-h1") == restarts + 1
+
+
+@pytest.mark.lockstep
+def test_a_way_that_a_zone_bars_is_suspended_also_when_the_agent_is_killed_then(flying: Flying) -> None:
+    fleet = flying.fleet
+    fleet["h1"].fly(through([(0.0, 0.0, 0.0, 0.8, 0.0), (10.0, 1.1, 0.0, 0.8, 0.0)]))
+    fleet.wait(3.0)
+    fleet.set_zone("visitor", Zone(min_m=(0.9, -0.3, 0.0), max_m=(1.1, 0.3, 1.9), margin_m=0.1))
+    fleet.wait(4.0)
+    state = fleet.state_of("h1")
+    assert state.remarks.startswith("suspended: (0.8")
+    assert state.place_m is not None
+    assert state.place_m[0] < 0.8
+    kill_and_wait(flying, "h1")
+    fleet.wait(1.0)
+    status = fleet.state_of("h1").agent
+    assert status is not None
+    assert status.zones is not None
+    assert status.zones.zones.keys() == {"visitor"}
+    with pytest.raises(RefusedError, match="keep-out zone visitor"):
+        fleet.resume()
+    fleet.set_zone("visitor", None)
+    assert "goes on" in "".join(fleet.resume())
+    fleet.wait_for_arrival(["h1"])
+    assert fleet.state_of("h1").place_m == pytest.approx((1.1, 0.0, 0.8), abs=0.15)
 
 
 @pytest.mark.lockstep
