@@ -34,6 +34,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
 SUSPENDED: Final = "its path is suspended: resume (rcopterx resume), or send it elsewhere"
+TOO_FAST: Final = "a subject comes too fast to be avoided to the side: it stays above, or lands"
 UNSEEN_S: Final = 0.045  # without a pose for so long the thrust of a lift-off rises no further
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -100,6 +101,7 @@ class Pilot:
             self.vehicle_watch.remark,
             self.guidance.remark,
             SUSPENDED if self.guidance.suspended else "",
+            TOO_FAST if self.avoidance.over_m > -np.inf else "",
         ]
         for guard, stays in (
             (self.step_guard, "; the default controller flies until one is chosen"),
@@ -268,6 +270,8 @@ class Pilot:
             self._start_controller(estimate, last_input)
         if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
             self.events["cannot_avoid"] += 1
+        if self.avoidance.over_m > -np.inf:
+            reference = self._over_subjects(reference)
         self.cooperation.begin_period(estimate, reference)
         sent = self.cooperation.exchange(received)
         step = self.step_guard.step(estimate, reference, last_input)
@@ -283,6 +287,17 @@ class Pilot:
         inputs = as_sent(self.vehicle_watch.without_broken_axes(inputs), self.model)
         self._check_vehicle(inputs[0], time_s)
         return ControlOutput(inputs[0], inputs[1:], step.plan, delay_s, self.reference, nominal, sent)
+
+    def _over_subjects(self, reference: Trajectory) -> Trajectory:
+        """Return the reference above subjects that are too fast, or begin to land below the ceiling."""
+        height_m = self.avoidance.over_m
+        if height_m > self.model.state_max[Z]:
+            self.guidance.land(self.estimate, self.clock.time_s)
+            return reference
+        self.events["over_subject"] += 1
+        samples = reference.samples.copy()
+        samples[:, Z] = np.maximum(samples[:, Z], height_m)
+        return Trajectory(samples, reference.period_s)
 
     def _stand(self) -> ControlOutput:
         """Return the output on the floor: rotor off, or turning up in open loop."""
