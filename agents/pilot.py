@@ -291,10 +291,10 @@ class Pilot:
     def _over_subjects(self, reference: Trajectory) -> Trajectory:
         """Return the reference above subjects that are too fast, or begin to land below the ceiling."""
         height_m = self.avoidance.over_m
+        self.events["subject_too_fast"] += 1
         if height_m > self.model.state_max[Z]:
             self.guidance.land(self.estimate, self.clock.time_s)
             return reference
-        self.events["over_subject"] += 1
         samples = reference.samples.copy()
         samples[:, Z] = np.maximum(samples[:, Z], height_m)
         return Trajectory(samples, reference.period_s)

@@ -65,7 +65,7 @@ def near(
     period_s: float,
     stages: int,
     delay_s: float,
-    side_m_s2: float = np.inf,
+    side_m_s2: float = 0.0,
 ) -> Near:
     """Find the plans that come near; the obstacles keep their places among the constraints, by name.
 

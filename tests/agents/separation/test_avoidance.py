@@ -14,9 +14,10 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
-from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.pilot import TOO_FAST, Pilot
 from rcopterx.agents.separation.avoidance import (
     NEAR,
+    OVER_S,
     TOUCHING,
     NeighbourPlan,
     SeparationEllipsoid,
@@ -29,7 +30,7 @@ from rcopterx.control.references.columns import COLUMNS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.formation.topology import places
-from rcopterx.vehicles.phases import Event
+from rcopterx.vehicles.phases import Event, Phase
 
 CLEARANCE = SeparationEllipsoid()
 STAGES = 30
@@ -80,6 +81,17 @@ def test_others_keep_farther_from_a_subject_whose_future_is_a_guess() -> None:
     assert obstacle.half_axes_m[0] == pytest.approx((0.35, 0.35, 0.6))
     assert obstacle.half_axes_m[1] == pytest.approx((0.5, 0.5, 0.75))
     assert obstacle.half_axes_m[2:] == pytest.approx(np.tile((0.65, 0.65, 0.9), (STAGES - 2, 1)))
+
+
+@pytest.mark.parametrize(("speed_m_s", "start_m", "too_fast"), [(-1.0, 1.0, False), (-3.0, 1.0, True)])
+def test_a_subject_is_too_fast_if_it_arrives_before_the_vehicle_can_be_aside(
+    speed_m_s: float, start_m: float, too_fast: bool
+) -> None:
+    other = flying(speed_m_s, start_m)
+    hand = structs.replace(other, plan=structs.replace(other.plan, margins_m=(0.1,) * 30))
+    found = near(CLEARANCE, {"hand": hand}, OWN, 0.02, STAGES, 0.0, side_m_s2=2.0)
+    assert found.over_m == pytest.approx(0.7 if too_fast else -np.inf)
+    assert near(CLEARANCE, {"h2": other}, OWN, 0.02, STAGES, 0.0).over_m == -np.inf
 
 
 @given(
@@ -197,3 +209,32 @@ def test_vehicles_that_all_keep_clear_of_this_one_leave_no_distance_to_report() 
     for _ in range(3):
         pilot.control({}, passive)
     assert pilot.avoidance.closest_m is None
+
+
+def fast_hand(height_m: float) -> dict[str, NeighbourPlan]:
+    """A hand that comes at three metres a second at the vehicle of `pilot_with`."""
+    samples = np.zeros((30, COLUMNS))
+    samples[:, :3] = np.array([1.0, 0.0, height_m]) - 0.06 * np.arange(30)[:, None] * [1.0, 0.0, 0.0]
+    samples[:, 4] = -3.0
+    return {"hand": NeighbourPlan(LeaderPlan(Trajectory(samples, 0.02), 0.0, margins_m=(0.1,) * 30), 1.0)}
+
+
+def test_a_vehicle_goes_above_a_subject_that_is_too_fast_and_says_so() -> None:
+    pilot = pilot_with("cascade")
+    for _ in range(5):
+        output = pilot.control({}, fast_hand(1.0))
+    assert output.plan.position_m[-1, 2] > 1.3
+    assert pilot.guidance.phase is Phase.FLYING
+    assert pilot.events["subject_too_fast"] == 4
+    assert TOO_FAST in pilot.remarks
+    for _ in range(round(OVER_S / 0.02) + 1):
+        pilot.control({})
+    assert TOO_FAST not in pilot.remarks
+
+
+def test_a_vehicle_lands_where_the_ceiling_is_too_low_to_go_above() -> None:
+    pilot = pilot_with("cascade")
+    for _ in range(3):
+        pilot.control({}, fast_hand(COAXIAL_LAG.state_max[2] - 0.65))
+    assert pilot.guidance.phase is Phase.LANDING
+    assert TOO_FAST in pilot.remarks
