@@ -53,7 +53,7 @@ NOT_TYPED = {
     f"{BRIDGE_TO_ROS} --keys ros2dds": (OTHERS, "tests/examples/test_ros2_bridge.py"),
     "rcopterx import-skybrush show.skyc show.toml": (
         "wants a show of Skybrush",
-        "tests/studies/commands/test_import_skybrush_command.py",
+        "tests/studies/importing/test_import_skybrush.py",
     ),
     "python examples/light_show/light_show.py show.skyc --fleet show.toml --slower 2": (
         "wants a show of Skybrush",
