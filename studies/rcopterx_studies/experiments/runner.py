@@ -80,7 +80,7 @@ class Experiment(Generic[T]):
         return tuple(range(first, first + count))
 
     def fly(self, options: Options, show: ShowProgress) -> FlightResult[T]:
-        """Fly every case on every seed; `KeptFlightsError`: a kept flight has a result of another type."""
+        """Fly every case on every seed; `FleetError`: a kept flight has a result of another type."""
 
         def label(case: str, seed: int) -> str:
             return f"{case}, {options.preset}, seed {seed}"
