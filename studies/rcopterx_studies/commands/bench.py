@@ -11,8 +11,6 @@ from rcopterx_studies.commands.options import different_numbers
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 
-SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
-
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
 
@@ -56,7 +54,9 @@ def scale(
         str, typer.Option(metavar="N,N,...", help="Numbers of vehicles.")
     ] = "3,6,8,10,12,14,16",
     horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
-    seconds: SecondsOption = 60.0,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")
+    ] = 60.0,
     rate: Annotated[
         float,
         typer.Option(
