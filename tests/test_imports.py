@@ -1,17 +1,12 @@
 """Promises of the layout as a whole; `pyproject.toml` has the allowed directions of imports."""
 
-import sys
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
-from pathlib import Path
 
 import grimp
 import pytest
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "docs" / "figures"))
-
-from imported_lines import PARTS, imported  # noqa: E402
+from imported_lines import PARTS, imported
 
 
 def first_cycle(imports: dict[str, set[str]]) -> list[str]:

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from rcopterx import launched, through
-from rcopterx_studies.skybrush import ShowError, read_show
+from rcopterx_studies.importing.skybrush import ShowError, read_show
 
 MARGIN_M = 0.3
 LOWEST_M = 0.6

@@ -16,8 +16,8 @@ from rcopterx.user_text import described
 
 GROUP: Final = "rcopterx.commands"
 STUDIES: Final = (
-    "amplification", "arena", "bench", "experiment", "faults", "import-skybrush", "inject",
-    "new-plugin", "replay-tracker", "search",
+    "amplification", "arena", "bench", "experiment", "faults", "import", "import-skybrush",
+    "inject", "new-plugin", "replay-tracker", "search",
 )  # fmt: skip
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 

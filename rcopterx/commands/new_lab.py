@@ -1,4 +1,4 @@
-"""The first fleet file of a laboratory: `new-lab` asks for it, `import` reads it from other software."""
+"""The first fleet file of a laboratory: `new-lab` asks for it."""
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -19,18 +19,8 @@ RATE_HZ: Final = 100.0
 LOW: Final = "-1.5,-1.5,0"
 HIGH: Final = "1.5,1.5,2"
 CRAZYFLIE: Final = "radio://0/80/2M/E7E7E7E7"  # and two digits
-MOTION_CAPTURE = "motion_capture.yaml"
 
 NewFleetFile = Annotated[Path, shared_option("new_fleet_file")]
-LowerCorner = Annotated[str, shared_option("volume_min")]
-UpperCorner = Annotated[str, shared_option("volume_max")]
-
-import_ = typer.Typer(add_completion=False, no_args_is_help=True)
-
-
-@import_.callback()
-def _import() -> None:
-    """Write a fleet file from files of other software."""
 
 
 def new_lab(file: NewFleetFile) -> None:
@@ -182,26 +172,3 @@ def _print(what: str, found: list[str]) -> None:
     typer.echo(f"{what}:" if found else f"{what}: none", err=True)
     for line in found:
         typer.echo(f"    {line}", err=True)
-
-
-@import_.command()
-def crazyswarm2(
-    source: Path,
-    file: NewFleetFile,
-    motion_capture: Path | None = None,
-    rate_hz: float | None = None,
-    volume_min: LowerCorner = LOW,
-    volume_max: UpperCorner = HIGH,
-) -> None:
-    """Write the fleet file of the enabled Crazyflies of Crazyswarm2, with their motion capture."""
-    from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
-    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
-
-    remarks: list[str] = []
-    vehicles = read_vehicles(source, remarks)
-    brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE), remarks)
-    name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-    write_fleet_file(file, NewLaboratory(name, address, *corners, vehicles, brand, rate_hz))
-    for remark in remarks:
-        typer.echo(f"remark: {remark}", err=True)
-    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")

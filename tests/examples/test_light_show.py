@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx_studies import skybrush
+from rcopterx_studies.importing import skybrush
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "light_show"
 sys.path.insert(0, str(EXAMPLE))

@@ -19,7 +19,7 @@ from rcopterx.ground_station.republishing import fleet_of
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx_studies.replay.arbiter_replay import RecordedArbiters, replay_arbiter
-from rcopterx_studies.replay.digest import FlightDigest, digest_of, digest_of_messages
+from rcopterx_studies.replay.digest import FlightDigest, digest_of
 from rcopterx_studies.search.one_process import in_one_process
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
@@ -42,7 +42,7 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Flig
             flight(fleet)
             fleet.land()
         found = flights_in(tmp_path)[-1]
-        digest = digest_of(found.parts)
+        digest = digest_of(chain.from_iterable(map(messages_of, found.parts)))
         if repeated:
             repeat_arbiters(found)
         for part in found.parts:
@@ -117,7 +117,7 @@ def in_this_process(flight: Callable[[Fleet], None], without: Collection[str] = 
     with in_one_process(at_speed(file, None, lockstep=True), store, without) as process:
         process.run(script)
     assert not process.turns.failures
-    return digest_of_messages(messages)
+    return digest_of(messages)
 
 
 def test_flights_of_processes_and_in_one_process_are_identical_also_with_faults(

@@ -23,7 +23,7 @@ NOT_TYPED = {
     "make test": (INSTALLS, ".ci/run"),
     'make measure ARGS="--tests"': (
         "needs the history and an idle computer",
-        "docs/figures/measure_commit.py",
+        "benchmarks/measure_commit.py",
     ),
     "python3 -m venv lab": (INSTALLS, WHEEL),
     ". lab/bin/activate": (INSTALLS, WHEEL),
@@ -53,7 +53,7 @@ NOT_TYPED = {
     f"{BRIDGE_TO_ROS} --keys ros2dds": (OTHERS, "tests/examples/test_ros2_bridge.py"),
     "rcopterx import-skybrush show.skyc show.toml": (
         "wants a show of Skybrush",
-        "tests/studies/commands/test_import_skybrush_command.py",
+        "tests/studies/importing/test_import_skybrush.py",
     ),
     "python examples/light_show/light_show.py show.skyc --fleet show.toml --slower 2": (
         "wants a show of Skybrush",

@@ -30,6 +30,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
         (["bench", "solver", "--json"], "bench"),
         (["faults", "--list"], "faults"),
         (["search", "--hours", "1"], "search"),
+        (["import", "crazyswarm2", "a.yaml", "a.toml"], "import"),
         (["import-skybrush", "a.skyc", "a.toml"], "import-skybrush"),
         (["new-plugin", "controller", "mine"], "new-plugin"),
         (["replay", "--agent", "h1"], "replay --agent"),

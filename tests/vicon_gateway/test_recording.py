@@ -8,7 +8,7 @@ from tracker_bench import PATIENT, READING_S, Bench
 
 from rcopterx.simulator.faults import Close
 from rcopterx.vicon_gateway.client import DataStreamClient
-from rcopterx_studies.replay.raw_recording import connections, read_records
+from rcopterx_studies.replay.raw_recording import connections
 from rcopterx_studies.replay.tracker_replay import TrackerReplay
 
 
@@ -31,7 +31,7 @@ def test_session_recorded_from_one_tracker_is_replayed_by_another(tmp_path: Path
         bench.run_frames(5)
         original = bench.frames
     with path.open("rb") as source:
-        sessions = connections(read_records(source))
+        sessions = connections(source)
     assert len(sessions) == 2
     replayed = []
     clock = PatientClock(READING_S)

@@ -111,8 +111,7 @@ def run(horizons: Sequence[int], steps: int, seed: int, show: Show) -> dict[str,
     `p99_ms`, `p999_ms`, `max_ms` of the whole step, and `error`, the largest distance of a stick of the plan
     to the exact solution (`error_median` its median over the steps; null without PIQP, which judges at 1e-9).
     `hard_steps`: steps whose plan has inputs on their limits, and `hard_mean_ms`, `hard_max_ms` of these
-    alone. `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not
-    installed.
+    alone. `missing`: contestants whose package is not installed.
     """
     present = {name: contestant for name, contestant in CONTESTANTS.items() if contestant.installed}
     flights = {model.kind: record_flight(model, PERIOD_S, steps, seed) for model in (COAXIAL, COAXIAL_LAG)}
@@ -138,7 +137,7 @@ def _timed(
     present: Mapping[str, Contestant], horizon: int, flights: Mapping[str, Sequence[Moment]]
 ) -> dict[str, dict[str, Any]]:
     """Step all contestants through their flights in turn, beginning with another one at every step."""
-    taken: dict[str, list[tuple[float, bool, bool]]] = {name: [] for name in present}
+    taken: dict[str, list[tuple[float, bool]]] = {name: [] for name in present}
     u_min, u_max = COAXIAL_LAG.u_min + ON_LIMIT, COAXIAL_LAG.u_max - ON_LIMIT
     flown = []
     for name, contestant in present.items():
@@ -158,7 +157,7 @@ def _timed(
                 step = controller.step(moment.estimate, reference, moment.last_input)
                 time_ms = 1e-6 * (time.thread_time_ns() - begun)
                 hard = bool(((step.inputs <= u_min) | (step.inputs >= u_max)).any())
-                taken[name].append((time_ms, hard, step.fallback is not None))
+                taken[name].append((time_ms, hard))
     finally:
         gc.enable()
     return {name: _figures(steps) for name, steps in taken.items()}
@@ -169,9 +168,9 @@ def _reset(controller: Controller, flight: Sequence[Moment]) -> Sequence[Moment]
     return flight
 
 
-def _figures(steps: Sequence[tuple[float, bool, bool]]) -> dict[str, Any]:
-    """Figures of control steps: time [ms], whether inputs are on their limits, whether a solver gave up."""
-    times_ms, hard, early = np.array(steps).T
+def _figures(steps: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+    """Figures of control steps: time [ms], whether inputs are on their limits."""
+    times_ms, hard = np.array(steps).T
     hard_ms = times_ms[hard == 1.0]
     p99_ms, p999_ms = np.percentile(times_ms, (99.0, 99.9))
     return {
@@ -182,7 +181,6 @@ def _figures(steps: Sequence[tuple[float, bool, bool]]) -> dict[str, Any]:
         "hard_steps": len(hard_ms),
         "hard_mean_ms": round(float(hard_ms.mean()), 4) if len(hard_ms) else None,
         "hard_max_ms": round(float(hard_ms.max()), 4) if len(hard_ms) else None,
-        "early_stops": int(early.sum()),
     }
 
 

@@ -12,7 +12,6 @@ from rcopterx_studies.commands.options import (
     QuickOption,
     ResumeOption,
     different_numbers,
-    kept_flights,
     known_names,
     shares_on,
 )
@@ -51,6 +50,7 @@ def arena(
     from rcopterx_studies.arena.flying import arena_schemes
     from rcopterx_studies.arena.page import write_arena
     from rcopterx_studies.arena.tasks import TASKS
+    from rcopterx_studies.experiments.kept import KeptFlights
     from rcopterx_studies.experiments.runner import Options
 
     if show_list:
@@ -66,10 +66,10 @@ def arena(
     numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
     packages = foreign_digests(chosen)
     context = {"conditions": conditions, "quick": quick, "packages": packages}
+    kept = None if resume is None else KeptFlights(resume, context)
     try:
-        with kept_flights(resume, context) as kept:
-            options = Options(numbers, quick, processes, conditions, kept)
-            result = arena(chosen, flown).fly(options, shares_on(progress))
+        options = Options(numbers, quick, processes, conditions, kept)
+        result = arena(chosen, flown).fly(options, shares_on(progress))
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
     ratios = error_ratios(result.flown, flown, chosen)

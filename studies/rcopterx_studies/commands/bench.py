@@ -1,18 +1,15 @@
 """Measuring speed, side by side with peers: `bench`."""
 
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import SpeedOption, failure
+from rcopterx.commands.fleet_option import SpeedOption
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
-from rcopterx_studies.commands.options import different_numbers, known_names
+from rcopterx_studies.commands.options import different_numbers
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
-
-SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
 
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
@@ -57,7 +54,9 @@ def scale(
         str, typer.Option(metavar="N,N,...", help="Numbers of vehicles.")
     ] = "3,6,8,10,12,14,16",
     horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
-    seconds: SecondsOption = 60.0,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")
+    ] = 60.0,
     rate: Annotated[
         float,
         typer.Option(
@@ -77,22 +76,3 @@ def scale(
     document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)
     write_plot(partial(draw_scale, document), plot)
     print_document(document, as_json, scale_table)
-
-
-@app.command()
-def cost(
-    against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
-    as_json: JsonOption = False,
-    only: Annotated[
-        str, typer.Option(metavar="NAME,NAME,...", help="Trials: six vehicles, trio, radio, step, largest.")
-    ] = "six,trio,radio,step",
-    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Measurements of each kind.")] = 3,
-) -> None:
-    """Compare this checkout with another one in alternating runs: load, latency, memory."""
-    from rcopterx_studies.benchmarks.cost import TRIALS, run, table
-
-    names = known_names(only, TRIALS, "trial", "--only")
-    document = run(against, names, rounds, Progress("bench cost").say)
-    print_document(document, as_json, lambda found: "\n".join(table(found)))
-    if document["failed"]:
-        raise failure(*(f"{name}: {problem}" for name, problem in document["failed"].items()))

@@ -15,7 +15,6 @@ from rcopterx_studies.commands.options import (
     QuickOption,
     ResumeOption,
     different_numbers,
-    kept_flights,
     known_names,
     shares_on,
 )
@@ -69,6 +68,7 @@ def experiment(
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and print its figures."""
     from rcopterx_studies.experiments.catalogue import EXPERIMENTS
+    from rcopterx_studies.experiments.kept import KeptFlights
     from rcopterx_studies.experiments.runner import Options
 
     if show_list:
@@ -93,9 +93,9 @@ def experiment(
     documents, progress = {}, Progress(name)
     for preset in presets:
         flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
-        with kept_flights(resume, {"experiment": name, "conditions": preset, "quick": quick}) as kept:
-            options = Options(flown, quick, processes, preset, kept, levels)
-            result = chosen.fly(options, shares_on(progress))
+        context = {"experiment": name, "conditions": preset, "quick": quick}
+        kept = None if resume is None else KeptFlights(resume, context)
+        result = chosen.fly(Options(flown, quick, processes, preset, kept, levels), shares_on(progress))
         progress.say("flown")
         documents[preset] = result.document
         if plot is not None and chosen.draw is not None:

@@ -32,9 +32,10 @@ def check(flight: "Flight", missing: Sequence[str]) -> None:
 
 def print_digest(flight: "Flight") -> None:
     """Print the digest of a flight."""
+    from rcopterx.flights.mcap_reading import messages_of
     from rcopterx_studies.replay.digest import digest_of
 
-    found = digest_of(flight.parts)
+    found = digest_of(chain.from_iterable(map(messages_of, flight.parts)))
     typer.echo(f"{found.digest} of {found.messages} messages")
 
 

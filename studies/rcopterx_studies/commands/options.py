@@ -1,17 +1,13 @@
 """Options of studies, and how their values are read."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rcopterx.commands.output import Progress
 from rcopterx.commands.parsing import check_known
-
-if TYPE_CHECKING:
-    from rcopterx_studies.experiments.kept import KeptFlights
 
 QuickOption = Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")]
 ProcessesOption = Annotated[
@@ -20,17 +16,6 @@ ProcessesOption = Annotated[
 ResumeOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Store finished flights there, and skip those it has.")
 ]
-
-
-@contextmanager
-def kept_flights(resume: Path | None, context: Mapping[str, object]) -> Iterator["KeptFlights | None"]:
-    """Yield the finished flights of a file, if one is named; an unusable file is a usage error."""
-    from rcopterx_studies.experiments.kept import KeptFlights, KeptFlightsError
-
-    try:
-        yield None if resume is None else KeptFlights(resume, context)
-    except KeptFlightsError as error:
-        raise typer.BadParameter(str(error), param_hint="--resume") from None
 
 
 def known_names(text: str, known: Collection[str], what: str, option: str) -> tuple[str, ...]:

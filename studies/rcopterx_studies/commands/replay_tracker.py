@@ -57,10 +57,10 @@ def replay_tracker(
 
 def _replay(file: Path, port: int, speed: float) -> "TrackerReplay":
     from rcopterx.fleet.schema import errors_at
-    from rcopterx_studies.replay.raw_recording import connections, read_records
+    from rcopterx_studies.replay.raw_recording import connections
     from rcopterx_studies.replay.tracker_replay import TrackerReplay
 
     with errors_at(file, ValueError):
         with file.open("rb") as source:
-            recorded = connections(read_records(source))
+            recorded = connections(source)
         return TrackerReplay(recorded, LOOPBACK, port, speed=speed)

@@ -9,27 +9,24 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Final, get_origin, get_type_hints
+from typing import Any, Final, get_type_hints
 
 import msgspec
 import numpy as np
 
 from rcopterx import agents, bus, control, formation, simulator, vehicles
+from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx_studies import arena, experiments, schemes
 
 FLOWN_BY: Final = (agents, bus, control, formation, simulator, vehicles, arena, experiments, schemes)
 """Packages whose code determines the result of a flight."""
 
 
-class KeptFlightsError(ValueError):
-    """The file cannot be used; the message says why."""
-
-
 class KeptFlights:
     """Results of flights by label, in a file that each new flight is appended to.
 
-    `context` is what besides label and code a flight depends on, as JSON. Raises `KeptFlightsError`: a line
-    that is not a kept flight, or a file that cannot be read or written.
+    `context` is what besides label and code a flight depends on, as JSON. Raises `FleetError`: a line that is
+    not a kept flight, or a file that cannot be read or written.
     """
 
     def __init__(self, path: Path, context: Mapping[str, object]) -> None:
@@ -39,23 +36,23 @@ class KeptFlights:
         try:
             self._load()
         except OSError as error:
-            raise KeptFlightsError(f"{path}: {error.strerror}") from error
+            raise FleetError(f"{path}: {error.strerror}") from None
 
     def __contains__(self, label: str) -> bool:
         """Whether a flight is kept."""
         return label in self._found
 
     def result(self, label: str, flight: partial[Any]) -> Any:
-        """Result of a kept flight; `KeptFlightsError` if it is not of the type that `flight` returns."""
+        """Result of a kept flight; `FleetError` if it is not of the type that `flight` returns."""
         kind = get_type_hints(flight.func)["return"]
-        try:
-            return msgspec.convert(self._found[label], kind, dec_hook=_array)
-        except msgspec.ValidationError as error:
-            raise KeptFlightsError(f"{self._path}: {label}: {error}") from error
+        with errors_at(f"{self._path}: {label}", msgspec.ValidationError):
+            return msgspec.convert(
+                self._found[label], kind, dec_hook=lambda _, rows: np.array(rows, dtype=float)
+            )
 
     def add(self, label: str, result: object) -> None:
         """Keep a flight that was just flown."""
-        plain = msgspec.to_builtins(result, enc_hook=_plain)
+        plain = msgspec.to_builtins(result, enc_hook=np.ndarray.tolist)
         self._found[label] = plain
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({**self._context, "flight": label, "result": plain}) + "\n")
@@ -65,11 +62,10 @@ class KeptFlights:
         text = self._path.read_text(encoding="utf-8") if there else ""
         whole = text[: text.rfind("\n") + 1]
         for number, line in enumerate(whole.splitlines(), 1):
-            try:
+            where = f"{self._path}, line {number}: not a kept flight"
+            with errors_at(where, ValueError, AttributeError, KeyError, TypeError):
                 row = json.loads(line)
                 label, result = row.pop("flight"), row.pop("result")
-            except (ValueError, AttributeError, KeyError, TypeError) as error:
-                raise KeptFlightsError(f"{self._path}, line {number}: not a kept flight") from error
             if row == self._context:
                 self._found[label] = result
         if whole != text or not there:
@@ -85,15 +81,3 @@ def code_digest() -> str:
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    raise NotImplementedError(f"{type(value).__name__} cannot be kept")
-
-
-def _array(kind: Any, value: Any) -> object:
-    if get_origin(kind) is not np.ndarray:
-        raise NotImplementedError(f"{kind} cannot be kept")
-    return np.array(value, dtype=float)

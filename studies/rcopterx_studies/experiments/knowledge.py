@@ -15,7 +15,6 @@ import numpy as np
 from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.control.identification.result import Identification
 from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
@@ -199,15 +198,10 @@ def learn_around(rig: Rig, place_m: Three, seed: int) -> None:
     learn(rig, SLOT_S * len(places), steps)
 
 
-def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:
-    """Identify a vehicle; arguments and errors of `excited_flight`."""
-    return identify(excited_flight(conditions, name, seed, measured_tilt), plant_type(conditions))
-
-
 @lru_cache(maxsize=256)
 def identified_model(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Model:
     """Model that an identification found; that of the type where it was refused."""
     try:
-        return identification(conditions, name, seed, measured_tilt).model
+        return identify(excited_flight(conditions, name, seed, measured_tilt), plant_type(conditions)).model
     except NotIdentifiedError:
         return plant_type(conditions)

@@ -5,7 +5,7 @@ halves change places, so that no flight is predicted by a model that was fitted 
 part of one flight is fitted and the rest is predicted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -50,31 +50,34 @@ class Followed:
     errors_m: Errors
 
 
-def follow(flight: FlightRecording, model: Model, estimator_name: str, constant: bool = False) -> Followed:
-    """Run an estimator through a flight, and predict from it by the model, or at a constant velocity."""
-    period_s, settled = flight.period_s, round(SETTLE_S / flight.period_s)
-    estimator = ESTIMATORS.build(estimator_name, model, period_s, {})
-    noise_m = getattr(ESTIMATORS.load(estimator_name).Settings(), "position_noise_m", 0.0)
-    time_s = period_s * np.arange(len(flight.yaw_rad))
-    acts_s = time_s + 0.5 * period_s - model.delay_s
-    acting = np.column_stack([np.interp(acts_s, time_s, stick) for stick in flight.inputs.T])
-    innovations, normalised = [], []
+def follow(
+    flights: Iterable[tuple[FlightRecording, Model]], estimator_name: str, constant: bool = False
+) -> Followed:
+    """Run an estimator through flights, each with a model; predict by that or at a constant velocity."""
+    innovations, normalised = list[Array](), list[Array]()
     errors: dict[float, list[Array]] = {ahead_s: [] for ahead_s in AHEAD_S}
-    for row, place_m in enumerate(flight.position_m):
-        if row:
-            estimator.predict(acting[row - 1], period_s)
-        if row >= settled:
-            innovations.append(place_m - estimator.estimate.motion[:YAW])
-            if isinstance(estimator, EstimatesUncertainty):
-                normalised.append(innovations[-1] / np.hypot(estimator.position_deviation_m(), noise_m))
-        tilt = None if flight.tilt is None else flight.tilt[row]
-        estimator.correct(Measurement(place_m, float(flight.yaw_rad[row]), tilt))
-        if row >= settled and row % round(EVERY_S / period_s) == 0:
-            sticks = acting[:-1][row : row + round(AHEAD_S[-1] / period_s)]
-            places = _places(None if constant else model, estimator.estimate, sticks, period_s)
-            for ahead_s in AHEAD_S:
-                if (coming := round(ahead_s / period_s)) < len(places):
-                    errors[ahead_s].append(places[coming] - flight.position_m[row + coming])
+    noise_m = getattr(ESTIMATORS.load(estimator_name).Settings(), "position_noise_m", 0.0)
+    for flight, model in flights:
+        period_s, settled = flight.period_s, round(SETTLE_S / flight.period_s)
+        estimator = ESTIMATORS.build(estimator_name, model, period_s, {})
+        time_s = period_s * np.arange(len(flight.yaw_rad))
+        acts_s = time_s + 0.5 * period_s - model.delay_s
+        acting = np.column_stack([np.interp(acts_s, time_s, stick) for stick in flight.inputs.T])
+        for row, place_m in enumerate(flight.position_m):
+            if row:
+                estimator.predict(acting[row - 1], period_s)
+            if row >= settled:
+                innovations.append(place_m - estimator.estimate.motion[:YAW])
+                if isinstance(estimator, EstimatesUncertainty):
+                    normalised.append(innovations[-1] / np.hypot(estimator.position_deviation_m(), noise_m))
+            tilt = None if flight.tilt is None else flight.tilt[row]
+            estimator.correct(Measurement(place_m, float(flight.yaw_rad[row]), tilt))
+            if row >= settled and row % round(EVERY_S / period_s) == 0:
+                sticks = acting[:-1][row : row + round(AHEAD_S[-1] / period_s)]
+                places = _places(None if constant else model, estimator.estimate, sticks, period_s)
+                for ahead_s in AHEAD_S:
+                    if (coming := round(ahead_s / period_s)) < len(places):
+                        errors[ahead_s].append(places[coming] - flight.position_m[row + coming])
     found = {ahead_s: np.array(rows) for ahead_s, rows in errors.items()}
     return Followed(np.array(innovations), np.array(normalised), found)
 
@@ -153,18 +156,16 @@ def judge(flights: Sequence[FlightRecording]) -> Evidence:
     """Fit models to the halves, and follow every flight with all estimators and models."""
     halves = flights[::2], flights[1::2]
     fits = tuple(identify(half[0], type_model(), *half[1:]) for half in halves)
-    estimators: dict[str, list[Followed]] = {name: [] for name in ESTIMATOR_NAMES}
-    models: dict[str, list[Followed]] = {name: [] for name in (CONSTANT, TYPE, HOVERING, FITTED)}
-    for number, flight in enumerate(flights):
-        fitted = fits[1 - number % 2].model
-        known = {TYPE: type_model(), HOVERING: type_model(fitted.hover_thrust), FITTED: fitted}
-        for name, runs in estimators.items():
-            runs.append(follow(flight, fitted, name, constant=True))
-        models[CONSTANT].append(estimators["kalman"][-1])
-        for name, model in known.items():
-            models[name].append(follow(flight, model, "extended_kalman"))
+    fitted = [(flight, fits[1 - number % 2].model) for number, flight in enumerate(flights)]
+    estimators = {name: follow(fitted, name, constant=True) for name in ESTIMATOR_NAMES}
+    known = {
+        TYPE: [(flight, type_model()) for flight in flights],
+        HOVERING: [(flight, type_model(model.hover_thrust)) for flight, model in fitted],
+        FITTED: fitted,
+    }
+    models = {name: follow(pairs, "extended_kalman") for name, pairs in known.items()}
     draught_m_s2 = np.sqrt(np.mean([draught(flight) for flight in flights], axis=0))
-    return Evidence(fits, _joined(estimators), _joined(models), draught_m_s2)
+    return Evidence(fits, estimators, {CONSTANT: estimators["kalman"], **models}, draught_m_s2)
 
 
 SHARES: Final = ((0.0, 0.6), (0.2, 0.8), (0.4, 1.0))
@@ -181,20 +182,15 @@ def predict_rest(flight: FlightRecording, known: Model) -> dict[str, Any]:
     for begin, end in SHARES:
         fit = identify(flight.part(begin, end), known)
         rest = [flight.part(*part) for part in ((0.0, begin), (end, 1.0)) if part[0] < part[1]]
-        straight, *models = (
-            _joined({name: [follow(one, model, estimator, name == CONSTANT) for one in rest]})[name]
-            for name, model, estimator in (
-                (CONSTANT, known, "kalman"),
-                (TYPE, known, "extended_kalman"),
-                (FITTED, fit.model, "extended_kalman"),
-            )
-        )
+        straight = follow([(one, known) for one in rest], "kalman", constant=True)
         document[f"{begin:g} to {end:g}"] = _fit_document(fit) | {
             name: {
                 f"{ahead_s:g} s": _ratios(_sizes_mm(errors), _sizes_mm(straight.errors_m[ahead_s]))
-                for ahead_s, errors in runs.errors_m.items()
+                for ahead_s, errors in follow(
+                    [(one, model) for one in rest], "extended_kalman"
+                ).errors_m.items()
             }
-            for name, runs in zip((TYPE, FITTED), models, strict=True)
+            for name, model in ((TYPE, known), (FITTED, fit.model))
         }
     return document
 
@@ -225,17 +221,6 @@ def draught(flight: FlightRecording) -> Array:
         fitted = causes @ np.linalg.lstsq(causes, acceleration[:, axis], rcond=None)[0]
         found.append(rms(acceleration[:, axis] - fitted) ** 2)
     return np.array(found)
-
-
-def _joined(runs: Mapping[str, Sequence[Followed]]) -> dict[str, Followed]:
-    return {
-        name: Followed(
-            np.concatenate([one.innovations_m for one in of_name]),
-            np.concatenate([one.normalised for one in of_name]),
-            {ahead_s: np.concatenate([one.errors_m[ahead_s] for one in of_name]) for ahead_s in AHEAD_S},
-        )
-        for name, of_name in runs.items()
-    }
 
 
 def _sizes_mm(errors_m: Array) -> dict[str, float]:

@@ -80,7 +80,7 @@ class Experiment(Generic[T]):
         return tuple(range(first, first + count))
 
     def fly(self, options: Options, show: ShowProgress) -> FlightResult[T]:
-        """Fly every case on every seed; `KeptFlightsError`: a kept flight has a result of another type."""
+        """Fly every case on every seed; `FleetError`: a kept flight has a result of another type."""
 
         def label(case: str, seed: int) -> str:
             return f"{case}, {options.preset}, seed {seed}"
@@ -123,10 +123,13 @@ def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowPro
             kept.add(label, result)
         show(label, len(results) / len(flights))
 
+    def show_within(label: str, fraction: float) -> None:
+        show(label, (len(results) + fraction) / len(flights))
+
     missing = {label: fly for label, fly in flights.items() if label not in results}
     if options.processes == 1:
         for label, fly in missing.items():
-            finish(label, fly(progress=partial(_show_within, show, label, len(results), len(flights))))
+            finish(label, fly(progress=partial(show_within, label)))
     else:
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(options.processes, spawn, end_with, (os.getpid(),)) as pool:
@@ -134,10 +137,6 @@ def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowPro
             for future in as_completed(futures):
                 finish(futures[future], future.result())
     return {label: results[label] for label in flights}
-
-
-def _show_within(show: ShowProgress, label: str, finished: int, total: int, fraction: float) -> None:
-    show(label, (finished + fraction) / total)
 
 
 def median_and_worst(values: Sequence[float]) -> dict[str, Any]:

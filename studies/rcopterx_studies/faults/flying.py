@@ -99,10 +99,6 @@ class FaultRange:
             seconds, recording = clock() - began_s, self._recorder.stop()
         return Observed(seen_of(recording, places_m), problem, broken_in(recording), seconds)
 
-    def on_floor(self) -> list[str]:
-        """Vehicles on the floor."""
-        return [name for name in self._names if self.truth(name).on_floor]
-
     def _fly(self, row: FaultFlight) -> None:
         with row.injected(self.bench):
             if row.on_floor:

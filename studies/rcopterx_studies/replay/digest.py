@@ -2,12 +2,9 @@
 
 import hashlib
 from collections.abc import Iterable
-from itertools import chain
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.bus.channels import ANSWERED, APPLIED, COMMAND, LABORATORY, PLAN, POSE
-from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 DIGESTED: Final = (POSE, PLAN, COMMAND, APPLIED, LABORATORY)  # without process ids and times of a computer
@@ -20,13 +17,8 @@ class FlightDigest(NamedTuple):
     messages: int
 
 
-def digest_of(parts: Iterable[Path]) -> FlightDigest:
-    """Return the digest of a flight log; raises `FlightLogError`."""
-    return digest_of_messages(chain.from_iterable(map(messages_of, parts)))
-
-
-def digest_of_messages(messages: Iterable[LoggedMessage]) -> FlightDigest:
-    """Return the digest of `DIGESTED` until the last answered request."""
+def digest_of(messages: Iterable[LoggedMessage]) -> FlightDigest:
+    """Return the digest of those of `DIGESTED` until the last answered request."""
     topics = {channel.topic for channel in DIGESTED}
     kept, end_ns = [], 0
     for message in messages:

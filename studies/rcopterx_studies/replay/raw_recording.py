@@ -1,38 +1,11 @@
 """Reads the raw recordings of a Vicon gateway, see `rcopterx.vicon_gateway.recording`."""
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from rcopterx.vicon_gateway.recording import FILE_MAGIC, RECORD, RawEvent
 
 MAX_RECORD_BYTES = 16 * 1024 * 1024
-
-
-class RawRecordingError(ValueError):
-    """The file is not a raw recording."""
-
-
-class RawRecord(NamedTuple):
-    """One record of the file."""
-
-    time_s: float
-    event: RawEvent
-    data: bytes
-
-
-def read_records(source: BinaryIO) -> Iterator[RawRecord]:
-    """Yield the records of a recording; `RawRecordingError` if it is none, damaged, or a record too long."""
-    if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
-        raise RawRecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
-    while len(header := source.read(RECORD.size)) == RECORD.size:
-        time_s, event, size = RECORD.unpack(header)
-        if event not in RawEvent.__members__.values() or size > MAX_RECORD_BYTES:
-            raise RawRecordingError(f"damaged recording: event {event} with {size} bytes")
-        data = source.read(size)
-        if len(data) < size:
-            return
-        yield RawRecord(time_s, RawEvent(event), data)
 
 
 @dataclass(slots=True)
@@ -43,18 +16,26 @@ class RecordedConnection:
     ended_after_s: float | None = None
 
 
-def connections(records: Iterable[RawRecord]) -> list[RecordedConnection]:
-    """Group records by connection."""
+def connections(source: BinaryIO) -> list[RecordedConnection]:
+    """Read the connections of a recording; `ValueError` if it is none, damaged, or a record too long."""
+    if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
+        raise ValueError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
     found: list[RecordedConnection] = []
     opened_s = 0.0
-    for record in records:
-        if record.event is RawEvent.OPENED:
+    while len(header := source.read(RECORD.size)) == RECORD.size:
+        time_s, event, size = RECORD.unpack(header)
+        if event not in RawEvent.__members__.values() or size > MAX_RECORD_BYTES:
+            raise ValueError(f"damaged recording: event {event} with {size} bytes")
+        data = source.read(size)
+        if len(data) < size:
+            break
+        if event == RawEvent.OPENED:
             found.append(RecordedConnection())
-            opened_s = record.time_s
+            opened_s = time_s
         elif not found:
-            raise RawRecordingError("damaged recording: it does not begin with an opened connection")
-        elif record.event is RawEvent.RECEIVED:
-            found[-1].chunks.append((record.time_s - opened_s, record.data))
+            raise ValueError("damaged recording: it does not begin with an opened connection")
+        elif event == RawEvent.RECEIVED:
+            found[-1].chunks.append((time_s - opened_s, data))
         else:
-            found[-1].ended_after_s = record.time_s - opened_s
+            found[-1].ended_after_s = time_s - opened_s
     return found

@@ -9,8 +9,6 @@ s^2 + lambda damping s + lambda stiffness.
 import numpy as np
 
 from rcopterx.control.scheme import Situation
-from rcopterx.vehicles.state import Array
-from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -32,20 +30,8 @@ class ConsensusScheme(TrackedScheme[ConsensusSettings]):
     Message = Moving
 
     def _exchange(self, situation: Situation) -> Moving:
+        gains = np.array((self._settings.stiffness_per_s2, self._settings.damping_per_s))
         position, velocity = self._state()
-        pull = np.zeros(3)
-        for _, place, age_s, offset_m, _ in linked(situation, Moving):
-            other, other_velocity = place.after(age_s)
-            pull += self._pull(position - other - offset_m, velocity - other_velocity)
-        if not situation.follows:
-            task = situation.reference
-            to_task = self._pull(position - task.position_m[0], velocity - task.velocity_m_s[0])
-            pull += self._settings.task_weight * to_task
-        acceleration = np.clip(pull, -self._reach, self._reach)
+        acceleration = self._drawn(situation, position, velocity, gains, self._settings.task_weight * gains)
         self._fly(SchemePath(position, velocity, acceleration[None], 2.0 * self.period_s))
         return Moving.of(position, velocity)
-
-    def _pull(self, error_m: Array, error_m_s: Array) -> Array:
-        return np.asarray(
-            -self._settings.stiffness_per_s2 * error_m - self._settings.damping_per_s * error_m_s
-        )

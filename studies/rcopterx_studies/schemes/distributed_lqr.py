@@ -19,7 +19,6 @@ from rcopterx.control.models.linear import regulator
 from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity
-from rcopterx_studies.schemes.messages import linked
 from rcopterx_studies.schemes.tracked import Gain, Moving, SchemePath, TrackedScheme, TrackedSettings
 
 
@@ -49,20 +48,11 @@ class DistributedLqrScheme(TrackedScheme[DistributedLqrSettings]):
         self._own_gain, self._relative_gain = distributed_gains(A, B, Q, Q_relative, R, settings.vehicles)
 
     def _exchange(self, situation: Situation) -> Moving:
-        motion, reference = situation.estimate.motion, situation.reference
-        velocity = inertial_velocity(motion)
-        state = np.stack((motion[:3], velocity))
-        acceleration = np.zeros(3)
-        for _, other, age_s, offset_m, _ in linked(situation, Moving):
-            place, other_velocity = other.after(age_s)
-            aim = np.stack((place + offset_m, other_velocity))
-            acceleration -= (self._relative_gain @ (state - aim))[0]
-        if not situation.follows:
-            aim = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
-            acceleration -= (self._own_gain @ (state - aim))[0]
-        acceleration = np.clip(acceleration, -self._reach, self._reach)
-        self._fly(SchemePath(motion[:3].copy(), velocity, acceleration[None], self._settings.acting_s))
-        return Moving.of(motion[:3], velocity)
+        position, velocity = situation.estimate.motion[:3], inertial_velocity(situation.estimate.motion)
+        gains = self._relative_gain[0], self._own_gain[0]
+        acceleration = self._drawn(situation, position, velocity, *gains)
+        self._fly(SchemePath(position.copy(), velocity, acceleration[None], self._settings.acting_s))
+        return Moving.of(position, velocity)
 
 
 def distributed_gains(

@@ -19,7 +19,7 @@ from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity, three
 from rcopterx.vehicles.tuples import Three
-from rcopterx_studies.schemes.messages import Samples
+from rcopterx_studies.schemes.messages import Samples, linked
 
 INSTANT_S: Final = 1e-6  # tolerance of times that are multiples of a stage or a round
 Gain = Annotated[float, Meta(gt=0.0, le=1e6)]
@@ -139,6 +139,23 @@ class TrackedScheme(ABC, Generic[S]):
     @abstractmethod
     def _exchange(self, situation: Situation) -> Struct | None:
         """Choose the path and return the message."""
+
+    def _drawn(
+        self, situation: Situation, position: Array, velocity: Array, relative_gain: Array, own_gain: Array
+    ) -> Array:
+        """Acceleration towards the neighbours' places plus offsets, and towards a task of its own.
+
+        Gains are those of differences of position and velocity, shape (2,).
+        """
+        state, acceleration = np.stack((position, velocity)), np.zeros(3)
+        for _, other, age_s, offset_m, _ in linked(situation, Moving):
+            place, other_velocity = other.after(age_s)
+            acceleration -= relative_gain @ (state - np.stack((place + offset_m, other_velocity)))
+        if not situation.follows:
+            reference = situation.reference
+            task = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
+            acceleration -= own_gain @ (state - task)
+        return np.asarray(np.clip(acceleration, -self._reach, self._reach))
 
     def _fly(self, path: SchemePath, from_s: float | None = None) -> None:
         """Fly a path that begins now, or at another time."""

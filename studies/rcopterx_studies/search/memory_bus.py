@@ -1,10 +1,11 @@
 """A bus in memory: what a session uses of Zenoh, for all sessions of one process."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-import zenoh
+from zenoh import KeyExpr, ZBytes
 
 from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.session import BusAddress
@@ -16,22 +17,12 @@ Travel = Callable[[float], tuple[float, ...]]
 """Times of arrival of a message by that of sending [s]: none if it is lost, several if doubled."""
 
 
-class Content(NamedTuple):
-    """Payload or attachment, as `zenoh.ZBytes`."""
-
-    data: bytes = b""
-
-    def to_bytes(self) -> bytes:
-        """Return the bytes."""
-        return self.data
-
-
 class MemorySample(NamedTuple):
     """A message, as `zenoh.Sample`."""
 
-    key_expr: zenoh.KeyExpr
-    payload: Content
-    attachment: Content
+    key_expr: KeyExpr
+    payload: ZBytes
+    attachment: ZBytes
 
 
 class MemoryReply(NamedTuple):
@@ -41,26 +32,23 @@ class MemoryReply(NamedTuple):
     err: MemorySample | None = None
 
 
-class MemoryQuery:
+class MemoryQuery(AbstractContextManager["MemoryQuery"]):
     """A request, as `zenoh.Query`."""
 
     def __init__(self, sample: MemorySample, answer: Callable[[MemoryReply], object]) -> None:
         self.key_expr, self.payload, self.attachment = sample
         self._answer = answer
 
-    def __enter__(self) -> "MemoryQuery":
-        return self
-
     def __exit__(self, *_: object) -> None:
         pass
 
-    def reply(self, key: zenoh.KeyExpr, payload: bytes, attachment: bytes | None = None) -> None:
+    def reply(self, key: KeyExpr, payload: bytes, attachment: bytes | None = None) -> None:
         """Answer."""
-        self._answer(MemoryReply(MemorySample(key, Content(payload), Content(attachment or b""))))
+        self._answer(MemoryReply(MemorySample(key, ZBytes(payload), ZBytes(attachment or b""))))
 
     def reply_err(self, payload: bytes) -> None:
         """Refuse."""
-        self._answer(MemoryReply(None, MemorySample(self.key_expr, Content(payload), Content())))
+        self._answer(MemoryReply(None, MemorySample(self.key_expr, ZBytes(payload), ZBytes(b""))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +56,7 @@ class _Receiver:
     """A subscriber or queryable of a session; the bus keeps what it calls, until it is forgotten."""
 
     session: "MemorySession"
-    key: zenoh.KeyExpr
+    key: KeyExpr
 
     def undeclare(self) -> None:
         """End it."""
@@ -82,17 +70,17 @@ class MemoryBus:
         self.travel: Travel | None = None
         self.subscribers: dict[_Receiver, Callable[[Any], object]] = {}
         self.queryables: dict[_Receiver, Callable[[Any], object]] = {}
-        self._keys: dict[str, zenoh.KeyExpr] = {}
+        self._keys: dict[str, KeyExpr] = {}
         self._matching: dict[str, list[_Receiver]] = {}
 
     def open(self, address: BusAddress, _timeout_s: float = 0.0) -> "MemorySession":
         """Open a session; takes the place of `rcopterx.bus.session.opened`."""
         return MemorySession(self, takes_turns=bool(address.process))
 
-    def key(self, key: str) -> zenoh.KeyExpr:
+    def key(self, key: str) -> KeyExpr:
         """Return a key as Zenoh passes it to receivers."""
         if key not in self._keys:
-            self._keys[key] = zenoh.KeyExpr(key)
+            self._keys[key] = KeyExpr(key)
         return self._keys[key]
 
     def changed(self) -> None:
@@ -112,7 +100,7 @@ class MemoryBus:
             arrivals = [STAMP.pack(number, counter, sender, time_s) for time_s in times_s]
         for subscriber in self._matching[key]:
             for stamped in arrivals if subscriber.session.takes_turns else [attachment]:
-                self.subscribers[subscriber](MemorySample(key_expr, Content(payload), Content(stamped)))
+                self.subscribers[subscriber](MemorySample(key_expr, ZBytes(payload), ZBytes(stamped)))
 
 
 class MemorySession:
@@ -149,7 +137,7 @@ class MemorySession:
         """Send a request; return the replies that are given at once, unless a handler gets them."""
         replies: list[MemoryReply] = []
         key_expr = self._bus.key(key)
-        sample = MemorySample(key_expr, Content(payload), Content(attachment))
+        sample = MemorySample(key_expr, ZBytes(payload), ZBytes(attachment))
         for queryable in [each for each in self._bus.queryables if each.key.intersects(key_expr)]:
             self._bus.queryables[queryable](MemoryQuery(sample, handler or replies.append))
         return replies

@@ -7,15 +7,16 @@ import pytest
 from support.conditions import CRAZYFLIES, HELICOPTERS
 from support.vehicle_types import COAXIAL
 
+from rcopterx.control.identification.fit import identify
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments.knowledge import (
     NotIdentifiedError,
     excited_flight,
-    identification,
     identified_model,
     known_model,
+    plant_type,
 )
 from rcopterx_studies.experiments.rig import Rig, RigVehicle
 
@@ -33,7 +34,8 @@ def hover_m(model: Model) -> Array:
 def test_an_identified_helicopter_hovers_better_than_its_type(monkeypatch: pytest.MonkeyPatch) -> None:
     # Half of the usual excitation is enough.
     monkeypatch.setattr("rcopterx_studies.experiments.knowledge.EXCITED_S", 35.0)
-    found = identification(HELICOPTERS, "h1", SEED, measured_tilt=True)
+    flight = excited_flight(HELICOPTERS, "h1", SEED, measured_tilt=True)
+    found = identify(flight, plant_type(HELICOPTERS))
     assert found.problems == ()
     before, after = hover_m(COAXIAL), hover_m(found.model)
     assert after[:2].max() < 0.012
@@ -43,7 +45,7 @@ def test_an_identified_helicopter_hovers_better_than_its_type(monkeypatch: pytes
 
 def test_a_crazyflie_is_identified_and_its_uncertainty_narrows() -> None:
     found, true = (
-        identification(CRAZYFLIES, "h1", SEED, measured_tilt=True),
+        identify(excited_flight(CRAZYFLIES, "h1", SEED, measured_tilt=True), plant_type(CRAZYFLIES)),
         known_model("exact", CRAZYFLIES, "h1", SEED),
     )
     assert (found.problems, found.remarks) == ((), ())

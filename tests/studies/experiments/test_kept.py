@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rcopterx.fleet.schema import FleetError
 from rcopterx.vehicles.state import Array
 from rcopterx_studies.experiments import kept
-from rcopterx_studies.experiments.kept import KeptFlights, KeptFlightsError
+from rcopterx_studies.experiments.kept import KeptFlights
 
 CONTEXT = {"experiment": "tea", "conditions": "ideal"}
 
@@ -65,7 +66,7 @@ def test_line_that_was_cut_off_is_dropped(tmp_path: Path) -> None:
 def test_file_of_something_else_is_refused_and_left_as_it_is(tmp_path: Path, line: str) -> None:
     path = tmp_path / "notes.txt"
     path.write_text(f"{line}\n", encoding="utf-8")
-    with pytest.raises(KeptFlightsError, match=r"notes\.txt, line 1: not a kept flight"):
+    with pytest.raises(FleetError, match=r"notes\.txt, line 1: not a kept flight"):
         KeptFlights(path, CONTEXT)
     assert path.read_text(encoding="utf-8") == f"{line}\n"
 
@@ -75,5 +76,5 @@ def test_result_of_another_kind_is_refused(tmp_path: Path) -> None:
     flights = KeptFlights(path, CONTEXT)
     flights.add("seed 1", {"errors": 1})
     work: partial[Any] = partial(fly)
-    with pytest.raises(KeptFlightsError, match="seed 1: Object missing required field"):
+    with pytest.raises(FleetError, match="seed 1: Object missing required field"):
         flights.result("seed 1", work)

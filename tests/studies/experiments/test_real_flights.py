@@ -42,13 +42,14 @@ def flight(seed: int, seconds: float = 20.0) -> FlightRecording:
 
 
 def test_a_model_that_is_true_predicts_better_than_a_constant_velocity() -> None:
-    known, straight = follow(flight(1), STRONG, "extended_kalman"), follow(flight(1), STRONG, "kalman", True)
+    flown = [(flight(1), STRONG)]
+    known, straight = follow(flown, "extended_kalman"), follow(flown, "kalman", True)
     assert list(known.errors_m) == list(AHEAD_S)
     size = [float(np.std(errors)) for errors in known.errors_m.values()]
     assert size == sorted(size)
     assert np.std(known.errors_m[0.5]) < 0.5 * np.std(straight.errors_m[0.5])
     assert len(known.innovations_m) == len(known.normalised)
-    assert len(follow(flight(1), STRONG, "finite_difference", True).normalised) == 0
+    assert len(follow(flown, "finite_difference", True).normalised) == 0
 
 
 def test_draught_is_what_tilt_and_drag_do_not_explain() -> None:

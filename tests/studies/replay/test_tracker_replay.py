@@ -12,7 +12,7 @@ from support.waiting import DEADLINE_S, FakeClock, PatientClock
 
 from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
 from rcopterx.vicon_gateway.frame import CapturedFrame
-from rcopterx_studies.replay.raw_recording import RecordedConnection, connections, read_records
+from rcopterx_studies.replay.raw_recording import RecordedConnection, connections
 from rcopterx_studies.replay.tracker_replay import TrackerReplay
 
 LIMITS = ClientLimits(connect_s=60.0, silence_min_s=60.0, retry_min_s=0.01, retry_max_s=0.02)
@@ -104,7 +104,7 @@ def test_frames_of_a_recording_made_of_a_moving_body_are_the_same_again() -> Non
         closing(DataStreamClient(*server.address, limits=LIMITS, record_raw=sink.write)) as client,
     ):
         original = frames_of(client, lambda frames: len(frames) >= 20)
-    recording = connections(read_records(io.BytesIO(sink.getvalue())))
+    recording = connections(io.BytesIO(sink.getvalue()))
     # Latest wins: what is played in a stall is never seen, so the player's time stands still meanwhile.
     clock = PatientClock(0.001)
     with (

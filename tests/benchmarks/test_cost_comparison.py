@@ -1,19 +1,17 @@
 """Promises of the comparison of two checkouts: medians, ratios, and a reason where there is none."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from rcopterx.command_line import app
-from rcopterx_studies.benchmarks.cost import (
+from cost import (
     TRIALS,
     CostError,
     Trial,
     compared,
     fleet_figures,
     largest_figures,
+    main,
     manoeuvre_figures,
     measured,
     run,
@@ -77,22 +75,25 @@ def test_command_without_a_document_is_an_error_with_its_last_line(tmp_path: Pat
         measured(Trial(("bench", "scale"), lambda document: document), tmp_path)
 
 
-def test_a_directory_that_is_no_checkout_is_refused(tmp_path: Path) -> None:
+def test_a_directory_that_is_no_checkout_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(CostError, match="no checkout"):
         run(tmp_path, ["six"], 1, lambda _: pytest.fail("nothing is flown"))
-    result = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path)])
-    assert result.exit_code == 1
-    assert "no checkout" in result.output
+    monkeypatch.setattr("sys.argv", ["cost.py", str(tmp_path)])
+    with pytest.raises(SystemExit, match="no checkout"):
+        main()
 
 
-def test_a_trial_that_does_not_exist_is_refused_with_those_that_do(tmp_path: Path) -> None:
-    result: Any = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path), "--only", "seven"])
-    assert result.exit_code == 2
-    assert "largest" in result.output
+def test_a_trial_that_does_not_exist_is_refused_with_those_that_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["cost.py", str(tmp_path), "--only", "seven"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "largest" in capsys.readouterr().err
 
 
 def test_a_trial_that_fails_leaves_the_figures_of_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "rcopterx").mkdir()
     (tmp_path / "rcopterx" / "__init__.py").touch()
@@ -102,10 +103,11 @@ def test_a_trial_that_fails_leaves_the_figures_of_the_others(
             raise CostError("no vehicle is ready")
         return {"load": 1.0}
 
-    monkeypatch.setattr("rcopterx_studies.benchmarks.cost.measured", flown)
+    monkeypatch.setattr("cost.measured", flown)
     document = run(tmp_path, ["six", "trio"], 2, lambda _: None)
     assert document["failed"] == {"six": "no vehicle is ready"}
     assert document["trials"]["trio"]["load"]["ratio"] == 1.0
-    result = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path), "--only", "six,trio"])
-    assert (result.exit_code, "six: no vehicle is ready" in result.output) == (1, True)
-    assert "trio: load" in result.output
+    monkeypatch.setattr("sys.argv", ["cost.py", str(tmp_path), "--only", "six", "trio"])
+    with pytest.raises(SystemExit, match="six: no vehicle is ready"):
+        main()
+    assert "trio: load" in capsys.readouterr().out

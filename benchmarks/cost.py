@@ -1,9 +1,12 @@
-"""Comparison of this checkout with another one: processor time, latency, memory, fleet size, control steps.
+"""Compare this checkout with another one: processor time, latency, memory, fleet size, control steps.
+
+    python benchmarks/cost.py CHECKOUT [--json] [--only TRIAL ...] [--rounds N]
 
 Each trial is a command of the checkout's own command line, so that the other one may be much older. Both
 alternate, because the speed of a computer varies. Ratios are of medians.
 """
 
+import argparse
 import json
 import os
 import statistics
@@ -14,9 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.commands.output import Progress
 from rcopterx_studies.benchmarks.processes import Show, descendants, memory_of
 
-OWN: Final = Path(__file__).resolve().parents[3]
+OWN: Final = Path(__file__).resolve().parents[1]
 _FLYING: Final = "s flown"  # in a line of `bench scale` while it measures
 SECONDS: Final = 20.0
 LARGEST_SECONDS: Final = 60.0
@@ -87,7 +91,7 @@ TRIALS: Final[Mapping[str, Trial]] = {
 
 
 def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str, Any]:
-    """Run trials in both checkouts in turn; return the JSON document of `bench cost`. Raises `CostError`."""
+    """Run trials in both checkouts in turn; return the document that is printed. Raises `CostError`."""
     if not (other / "rcopterx" / "__init__.py").is_file():
         raise CostError(f"{other} is no checkout of rcopterx")
     document: dict[str, Any] = {"against": str(other.resolve()), "rounds": rounds, "trials": {}, "failed": {}}
@@ -160,3 +164,29 @@ def table(document: Mapping[str, Any]) -> list[str]:
             ratio = "-" if row["ratio"] is None else f"{row['ratio']:.2f}"
             lines.append(f"{f'{name}: {figure}':40}{row['here']:>9.3f}{row['there']:>9.3f}{ratio:>7}")
     return lines
+
+
+def main() -> None:
+    """Print how this checkout compares with another one; exit code 1 if a trial failed."""
+    parser = argparse.ArgumentParser(
+        description="Compare this checkout with another one, in alternating runs."
+    )
+    parser.add_argument("checkout", type=Path, metavar="CHECKOUT", help="checkout to compare this one with")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument(
+        "--only", nargs="+", choices=TRIALS, default=[*TRIALS][:-1], metavar="TRIAL",
+        help=f"trials: {', '.join(TRIALS)} (default: all but the last one, which takes long)",
+    )  # fmt: skip
+    parser.add_argument("--rounds", type=int, default=3, metavar="N", help="measurements of each kind")
+    arguments = parser.parse_args()
+    try:
+        document = run(arguments.checkout, arguments.only, arguments.rounds, Progress("cost").say)
+    except CostError as error:
+        sys.exit(str(error))
+    print(json.dumps(document, indent=2) if arguments.json else "\n".join(table(document)))
+    if document["failed"]:
+        sys.exit("\n".join(f"{name}: {problem}" for name, problem in document["failed"].items()))
+
+
+if __name__ == "__main__":
+    main()

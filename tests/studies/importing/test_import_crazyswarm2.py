@@ -11,7 +11,7 @@ from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import battery_of
 from rcopterx.radios.battery import BatteryLimits
 
-FIXTURES = Path(__file__).parents[1] / "fixtures"
+FIXTURES = Path(__file__).parents[2] / "fixtures"
 CRAZYFLIES = """
 robots:
   C04: {enabled: false, uri: "radio://0/80/1M/E7E7E7E704", initial_position: [1, 0, 0], type: C10X}

@@ -19,10 +19,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy.interpolate import BPoly
 
-from rcopterx.deploy.new_laboratory import NewVehicle, formation_of
+from rcopterx.deploy.new_laboratory import NewVehicle
 from rcopterx.fleet.schema import FleetError, errors_at
 from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.importing.formation import formation_of
 
 STEP_S: Final = 0.25
 MAX_MEMBER_BYTES: Final = 20_000_000

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.fleet.reading import load_fleet
-from rcopterx_studies.skybrush import read_show
+from rcopterx_studies.importing.skybrush import read_show
 
 SHOWS = Path(__file__).parents[2] / "fixtures" / "import_skybrush"
 

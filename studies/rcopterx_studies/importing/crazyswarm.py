@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta, Struct
 
-from rcopterx.deploy.new_laboratory import NewVehicle, formation_of
+from rcopterx.deploy.new_laboratory import NewVehicle
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
 from rcopterx.fleet.reading import converted, text_of
 from rcopterx.fleet.schema import FleetError, errors_at
@@ -17,8 +17,9 @@ from rcopterx.radios.crtp import RadioAddress
 from rcopterx.radios.protocol import ProtocolError
 from rcopterx.radios.udp import UDP, udp_address
 from rcopterx.user_text import TextError, host_and_port, ip_version
+from rcopterx_studies.importing.formation import formation_of
 
-NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
+NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx-studies[crazyswarm]'"
 MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
 ANY_DONGLE: Final = "radio://*/"
 SINGLE_MARKERS: Final = "librigidbodytracker"

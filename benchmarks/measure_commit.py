@@ -21,12 +21,12 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from cost import TRIALS, measured
 from imported_lines import flight_lines
-from rcopterx_studies.benchmarks.cost import TRIALS, measured
 
-ROOT = Path(__file__).parents[2]
-DATA = Path(__file__).with_name("commits.jsonl")
-PLOT = Path(__file__).with_name("commits.svg")
+ROOT = Path(__file__).parents[1]
+DATA = ROOT / "docs" / "figures" / "commits.jsonl"
+PLOT = DATA.with_suffix(".svg")
 PLOTS = {
     "size of the code [lines of Python]": ("product_lines", "test_lines", "flight_lines"),
     "compiling all kernels, processor time [s]": ("kernels_s",),

@@ -1,0 +1,1 @@
+"""Fleet files from files of other software."""
