@@ -57,6 +57,8 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
     touchdowns: Count = 0
     radio: tuple[tuple[Clock, ...], ...] = ()
     """Serial frames the module accepted since the last message: arrival [monotonic s], pulse widths [us]."""
+    light: tuple[int, int, int] | None = None
+    """Red, green and blue that were requested of its LEDs, 0 to 255."""
 
 
 class LaboratoryState(Message, frozen=True, kw_only=True):

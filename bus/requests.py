@@ -40,6 +40,8 @@ LogName = Annotated[str, Meta(max_length=80)]
 LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
 """Number of bytes of each log that are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
+ColourPart = Annotated[int, Meta(ge=0, le=255)]
+Colour = tuple[ColourPart, ColourPart, ColourPart]
 FieldName = Annotated[str, Meta(max_length=40)]
 FaultField = bool | Whole | Finite | Text | tuple[Finite | tuple[Finite, ...], ...] | None
 
@@ -74,6 +76,13 @@ class KillVehicle(Request, frozen=True, kw_only=True):
 
 class ResetKill(Request, frozen=True, kw_only=True):
     """Leave KILLED for DISARMED."""
+
+
+class SetLight(Request, frozen=True, kw_only=True):
+    """Show a colour on the lights of the vehicle; refused by radios that reach none."""
+
+    colour: Colour
+    """Red, green, blue."""
 
 
 class TakeOff(Request, frozen=True, kw_only=True):
@@ -343,6 +352,7 @@ def _verbs(
 
 VERBS: Final = {
     **_verbs("transmitter_gateway", arm=Arm, disarm=Disarm, kill=KillVehicle, reset=ResetKill),
+    **_verbs("transmitter_gateway", set_light=SetLight),
     **_verbs("agent", take_off=TakeOff, land=Land, go_to=GoTo, fly=Fly, follow=Follow, lead=Lead),
     **_verbs("agent", tune=Tune, excite=Excite, set_zones=SetZones),
     **_verbs("agent", EXTERNAL, take_control=TakeControl, release_control=ReleaseControl),

@@ -1,6 +1,7 @@
 """Crazyflie with its own firmware: attitude set points, supervisor and watchdog."""
 
 import math
+import struct
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -82,6 +83,19 @@ class FirmwareReports:
         return None if armed or now_s - self._usable_s <= REARMING_S else "the vehicle checks itself"
 
 
+FADE_EFFECT = bytes((14,))  # of the LED ring: fades to a colour
+FADE_S = struct.pack("<f", 0.1)
+
+
+def ring_colour(red: int, green: int, blue: int) -> list[crtp.Packet]:
+    """Encode a colour of the LED ring (deck parameters, `ledring12.c`)."""
+    return [
+        crtp.set_parameter("ring", "effect", crtp.UINT8, FADE_EFFECT),
+        crtp.set_parameter("ring", "fadeTime", crtp.FLOAT, FADE_S),
+        crtp.set_parameter("ring", "fadeColor", crtp.UINT32, bytes((blue, green, red, 0))),
+    ]
+
+
 LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
 
 FRAMES_PER_REQUEST = 10  # so often the state is asked for and the watchdog fed: every 0.25 s at the latest
@@ -112,6 +126,7 @@ class CrazyflieProtocol(SetPointRadio):
         self._armed: bool | None = None
         self._thrusts = False
         self._recovery: tuple[crtp.Packet, ...] = ()
+        self._lights: list[crtp.Packet] = []  # repeated: packets are lost, and firmware restarts
         self._reports = FirmwareReports()
         self._battery = BatteryLog()
 
@@ -151,9 +166,14 @@ class CrazyflieProtocol(SetPointRadio):
         self.watched = self.watched or (armed and self.settings.watchdog)
         if self.watched:
             requests.append(crtp.WATCHDOG)
-        requests += self._recovery
+        requests += [*self._recovery, *self._lights]
         self._recovery = ()
         return requests
+
+    def light(self, colour: tuple[int, int, int]) -> bool:
+        """See `RadioProtocol`: on the LED ring, if the vehicle has this deck."""
+        self._lights, self._frames = ring_colour(*colour), FRAMES_PER_REQUEST
+        return True
 
     def recover(self) -> str | None:
         """See `RadioProtocol`: a lock ends with a restart, a crash with a request once upright."""

@@ -16,8 +16,10 @@ LONGEST_DATA = 30
 FULL_THRUST = 60_000  # the firmware needs the rest of its 65535 for the attitude
 HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
-CONSOLE, COMMANDER, SUPERVISOR, PLATFORM = 0, 3, 9, 13  # ports
+CONSOLE, PARAMETERS, COMMANDER, SUPERVISOR, PLATFORM = 0, 2, 3, 9, 13  # ports
 VERSION_CHANNEL = 1  # of the platform
+NAMED_CHANNEL, SET_BY_NAME = 3, 0  # channel of the parameters, and its command
+UINT8, FLOAT, UINT32 = 0x08, 0x06, 0x0A  # types of parameters
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1  # channels of the supervisor
 ARM, RECOVER, STATE_BITS = 0x01, 0x02, 0x0C  # commands of the supervisor
 LINK_CONTROL = 15  # port, whose channel 3 reaches the second processor, of radio and power
@@ -109,6 +111,12 @@ RESTART = (Packet(LINK_CONTROL, 3, b"\xfe\xff"), Packet(LINK_CONTROL, 3, b"\xfe\
 def arm_request(*, on: bool) -> Packet:
     """Arm or disarm."""
     return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((ARM, on)))
+
+
+def set_parameter(group: str, name: str, kind: int, value: bytes) -> Packet:
+    """Set a parameter by its name, without the table of all of them."""
+    names = b"".join(word.encode() + b"\0" for word in (group, name))
+    return Packet(PARAMETERS, NAMED_CHANNEL, bytes((SET_BY_NAME,)) + names + bytes((kind,)) + value)
 
 
 def joined(packets: Iterable[bytes]) -> bytes:

@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from msgspec import structs
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.radios.mavlink_parameters import ParameterCheck
 from rcopterx.radios.mavlink_poses import vision_pose
-from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
+from rcopterx.radios.mavlink_settings import ARDUPILOT, LINE, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import REPORTS, SILENT_S, AutopilotState
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import AttitudeSetPoint, SetPointRadio
@@ -53,6 +53,7 @@ class MavlinkProtocol(SetPointRadio):
         self._yaw_rate_rad_s = 0.0
         self._pose: tuple[float, float, float, float] | None = None
         self._armed = self._arming = self._thrusts = self._standing = False
+        self._colour: tuple[int, int, int] | None = None
 
     # Frames -------------------------------------------------------------------------------------------
 
@@ -69,7 +70,7 @@ class MavlinkProtocol(SetPointRadio):
         packets += [*self._set_point(point), *self._external_pose()]
         if self._now_s >= self._beat_s + HEARTBEAT_S or not packets:
             self._beat_s = self._now_s
-            packets.append(self.probe())
+            packets += [self.probe(), *self._lights()]
         return b"".join(packets)
 
     def probe(self) -> bytes:
@@ -110,6 +111,21 @@ class MavlinkProtocol(SetPointRadio):
         (x, y, z, yaw_rad), self._pose = self._pose, None
         roll_rad, pitch_rad, _ = self._state.attitude_rad
         return [packed(self._mav, vision_pose(self._now_s, (x, y, z), (roll_rad, pitch_rad, -yaw_rad)))]
+
+    def light(self, colour: tuple[int, int, int]) -> bool:
+        """See `RadioProtocol`: on the LEDs of ArduPilot, if `NTF_LED_OVERRIDE` is 1; PX4 obeys no colours."""
+        if self._mode.autopilot != ARDUPILOT:
+            return False
+        self._colour, self._beat_s = colour, -math.inf
+        return True
+
+    def _lights(self) -> list[bytes]:
+        """Pack the colour, which is repeated with every heartbeat."""
+        if self._colour is None:
+            return []
+        every, custom, unused = 255, 255, [0] * 21
+        words = every, custom, len(self._colour), [*self._colour, *unused]
+        return [packed(self._mav, mavlink.MAVLink_led_control_message(*self._target, *words))]
 
     def _kill(self) -> list[bytes]:
         packets = [self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCE)]

@@ -2,7 +2,7 @@
 
 import math
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from rcopterx.vehicles.tuples import Three
 

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from rcopterx.radios.mavlink_settings import PX4, Mode
 from rcopterx.radios.protocol import FrameDecodeError

@@ -152,6 +152,10 @@ class RadioProtocol(ABC):
     ) -> None:
         """Pass the newest raw pose; `standing`: on the floor, and nothing is to fly it."""
 
+    def light(self, colour: tuple[int, int, int]) -> bool:  # noqa: ARG002 - few vehicles have lights
+        """Show red, green and blue, 0 to 255, from the next frames on; return whether it reaches lights."""
+        return False
+
     def recover(self) -> str | None:
         """Begin to end a lock or a crash of the firmware in the next frames; return what, None for none."""
         return None

@@ -9,7 +9,7 @@ import math
 from collections import Counter, deque
 from typing import Any, Final
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from rcopterx.radios.mavlink import FORCE, packed, set_point_of
 from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, PX4, MavlinkSettings
@@ -80,7 +80,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.parameters = {
             "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
             "MAV_GCS_SYSID": float(settings.own_system), "ATC_ANGLE_MAX": settings.full_tilt_deg,
-            "BATT_FS_LOW_ACT": 0.0,
+            "BATT_FS_LOW_ACT": 0.0, "NTF_LED_OVERRIDE": 1.0,
         } if self._ardupilot else {
             "COM_OF_LOSS_T": LOSS_S, "MC_YAWRATE_MAX": settings.full_yaw_rate_deg_s,
         }  # fmt: skip
@@ -146,6 +146,8 @@ class EmulatedAutopilot(UdpVehicle):
             self._take(packet, now_s)
         if kind == "VISION_POSITION_ESTIMATE":
             self._posed_s, self._strays = now_s, False
+        if kind == "LED_CONTROL" and self.parameters.get("NTF_LED_OVERRIDE") and packet.custom_len == 3:
+            self.light = tuple(packet.custom_bytes[:3])
         if kind == "REQUEST_DATA_STREAM" and self._ardupilot and packet.req_message_rate > 0:
             for number in STREAMS.get(packet.req_stream_id, ()):
                 self._periods_s[number], self._due_s[number] = 1.0 / packet.req_message_rate, now_s

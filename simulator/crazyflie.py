@@ -8,7 +8,7 @@ from zlib import crc32
 
 from rcopterx.radios import crazyflie_battery as log
 from rcopterx.radios import crtp
-from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crazyflie import FADE_EFFECT, CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import LOG
 from rcopterx.radios.crtp import LONGEST_DATA, Packet
 from rcopterx.radios.protocol import FrameDecodeError
@@ -24,6 +24,8 @@ HOVER_DROP_V: Final = 0.35  # 2 A by 0.19 ohm: wiki.bitcraze.io, misc:investigat
 LEAST_CHARGE: Final = 0.005
 TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
 NO_SUCH: Final = 2
+INVALID: Final = 22
+RING: Final = {b"effect": crtp.UINT8, b"fadeTime": crtp.FLOAT, b"fadeColor": crtp.UINT32}  # types
 
 
 def battery_voltage_v(used: float, load: float) -> float:
@@ -116,6 +118,7 @@ class Crazyflie(UdpVehicle):
         self.powered = True
         self._log, self.voltage_v, self._renewed = CrazyflieLog(), battery_voltage_v(0.0, 0.0), True
         self._console: deque[crtp.Packet] = deque()
+        self._ring, self.light = dict[bytes, bytes](), None
         self._unlocked = self._restarts = False
         self._set_point, self._received_s = AttitudeSetPoint(), -math.inf
         self._advanced_s = self._running_s = now_s
@@ -166,6 +169,8 @@ class Crazyflie(UdpVehicle):
                 return [self.state.packet()]
             case crtp.VERSION_REQUEST:
                 return [crtp.Packet(port, channel, bytes((0, PROTOCOL_VERSION)))]
+            case crtp.Packet(port=crtp.PARAMETERS, channel=crtp.NAMED_CHANNEL):
+                return [self._set_parameter(packet)]
             case _ if packet in crtp.RESTART:
                 self._restart(now_s, packet)
             case _ if packet in ARMING:
@@ -176,6 +181,19 @@ class Crazyflie(UdpVehicle):
             case _:
                 raise FrameDecodeError(f"crazyflie: no such port or command: {port}, {channel}")
         return []
+
+    def _set_parameter(self, packet: crtp.Packet) -> crtp.Packet:
+        """Set a parameter of the LED ring by its name; others do not exist."""
+        command, (group, name, setting) = packet.data[:1], (*packet.data[1:].split(b"\0", 2), b"", b"")[:3]
+        error = NO_SUCH
+        if group == b"ring" and name in RING:
+            error = 0 if setting[:1] == bytes((RING[name],)) else INVALID
+            if not error:
+                self._ring[name] = setting[1:]
+        if self._ring.get(b"effect") == FADE_EFFECT and len(colour := self._ring.get(b"fadeColor", b"")) == 4:
+            self.light = colour[2], colour[1], colour[0]
+        data = command + group + b"\0" + name + b"\0" + bytes((error,))
+        return crtp.Packet(packet.port, packet.channel, data)
 
     def _restart(self, now_s: float, packet: crtp.Packet) -> None:
         """Restart with the second of two packets; the battery keeps its charge."""

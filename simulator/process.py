@@ -98,7 +98,8 @@ class Simulator:
         plant = self._room.laboratory.plants[vehicle.name]
         motion = plant.motion
         velocity_m_s = inertial_velocity(np.array(motion))
-        frames = self._room.radios[vehicle.name].reception.take_frames()
+        reception = self._room.radios[vehicle.name].reception
+        frames = reception.take_frames()
         x, y, z = all_rounded(plant.position_m, TRUTH_BITS)
         speed_x, speed_y, speed_z = all_rounded(velocity_m_s.tolist(), TRUTH_BITS)
         return LaboratoryVehicle(
@@ -113,6 +114,7 @@ class Simulator:
                 (rounded(frame.arrival_s, TIME_BITS), *all_rounded(frame.pulses_us, PULSE_BITS))
                 for frame in frames
             ),
+            light=reception.light,
         )
 
 

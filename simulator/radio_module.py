@@ -31,6 +31,7 @@ class Reception(ABC):
     def __init__(self, frames: deque[SerialFrame]) -> None:
         self.powered = True
         self.frames = frames
+        self.light: tuple[int, int, int] | None = None  # red, green, blue of its LEDs; None for their own
         self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
         self._last: tuple[float, ...] | None = None
 

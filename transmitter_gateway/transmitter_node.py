@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
-from rcopterx.bus.requests import Reply
+from rcopterx.bus.requests import Reply, SetLight
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Received, Subscription
@@ -96,6 +96,10 @@ class TransmitterNode:
 
     def answer(self, incoming: Incoming, now_s: float) -> None:
         """Carry out a request and answer it."""
+        if isinstance(incoming.request, SetLight):
+            shown, radio = self.transmitter.protocol.light(incoming.request.colour), self.transmitter.protocol
+            incoming.answer(Reply(accepted=shown, reason="" if shown else f"{radio.name}: no lights"))
+            return
         request = ActionRequest(Action(incoming.verb), by=incoming.request.source)
         answer = self.transmitter.request(request, now_s)
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))

@@ -12,6 +12,7 @@ from msgspec import Meta, Struct
 
 from rcopterx.bus.message import Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink, Zone
+from rcopterx.bus.requests import Colour
 from rcopterx.formation.shapes import ShapeName
 from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.view import link_to
@@ -150,6 +151,10 @@ class PageSteering:
         """Make a vehicle the leader of its formation."""
         self.run("promotion", lambda: "; ".join(self._fleet.promote(name)))
 
+    def light(self, name: Name, colour: Colour) -> None:
+        """Show a colour on the LEDs of a vehicle."""
+        self.run(f"light of {name}", lambda: self._fleet[name].light(colour))
+
     def set_zone(self, zone: Name, low_m: Place, high_m: Place, shape: Literal["box", "cylinder"]) -> None:
         """Keep vehicles out of a box or an upright cylinder from now on."""
         made = Zone(min_m=low_m, max_m=high_m, shape=shape)
@@ -194,7 +199,7 @@ class PageSteering:
 
 ALLOWED: Final = (
     "kill", "take_off", "home", "land", "reset", "move", "go_to", "follow", "formation", "promote",
-    "use_controller", "weigh", "fly_through", "suspend", "resume", "set_zone", "remove_zone",
+    "use_controller", "weigh", "fly_through", "suspend", "resume", "set_zone", "remove_zone", "light",
 )  # fmt: skip
 
 

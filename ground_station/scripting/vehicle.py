@@ -104,6 +104,10 @@ class Vehicle:
         status = self.state.agent
         return 0.0 if status is None else status.path_left_s
 
+    def light(self, colour: requests.Colour) -> None:
+        """Show a colour, red, green and blue of 0 to 255, on its LEDs; `RefusedError` if none are reached."""
+        self._request(requests.SetLight(colour=colour))
+
     def follow(
         self,
         leader: str | Sequence[LeaderLink],

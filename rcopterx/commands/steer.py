@@ -215,6 +215,16 @@ def zone(
             typer.echo(f"{known}: {one.shape} from {corners} m, margin {one.margin_m:g} m")
 
 
+def light(vehicle: Vehicle, colour: str, fleet: RunningFleetOption = None) -> None:
+    """Show a colour on the LEDs of a vehicle: light h1 255,0,0."""
+    red, green, blue = three(colour)
+    if not all(part in range(256) for part in (red, green, blue)):
+        raise typer.BadParameter(f"{colour!r}: integers from 0 to 255", param_hint="R,G,B")
+    with running_fleet(fleet, [vehicle]) as running:
+        running[vehicle].light((int(red), int(green), int(blue)))
+        typer.echo(f"{vehicle}: {colour}")
+
+
 def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Cut the motors at once, until `rcopterx reset`. Vehicles in the air fall.
 

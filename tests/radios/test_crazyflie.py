@@ -218,3 +218,18 @@ def test_the_status_has_the_share_of_requests_that_were_answered() -> None:
         if number % 2 == 0:
             reported(protocol, crtp.SupervisorState(armed=True))
     assert protocol.status(0.0).text == "ready, link 50 %"
+
+
+def test_a_colour_is_sent_at_once_and_repeated_as_packets_are_lost_and_firmware_restarts() -> None:
+    protocol = CrazyflieProtocol()
+    assert not [each for each in round_of(protocol, LOW) if each.port == crtp.PARAMETERS]
+    assert protocol.light((255, 128, 1))
+    sent = [each.data for each in packets(protocol.encode(LOW)) if each.port == crtp.PARAMETERS]
+    # crazyflie-firmware, docs/functional-areas/crtp/crtp_parameters.md: SET_BY_NAME; 0xRRGGBB, little end first
+    assert sent == [
+        b"\0ring\0effect\0\x08\x0e",
+        b"\0ring\0fadeTime\0\x06\xcd\xcc\xcc\x3d",
+        b"\0ring\0fadeColor\0\x0a\x01\x80\xff\0",
+    ]
+    again = [each for _ in range(4) for each in round_of(protocol, LOW) if each.port == crtp.PARAMETERS]
+    assert len(again) in (9, 12)

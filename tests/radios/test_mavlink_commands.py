@@ -254,3 +254,26 @@ def test_a_refusal_that_is_not_repeated_is_forgotten_and_explains_no_later_one()
     assert peer.ready
     peer.commands(HOVER, 3)
     assert peer.text == "the autopilot did not arm: no answer"
+
+
+def colours(peer: Peer, frames: int) -> list[tuple[int, ...]]:
+    return [
+        (each.instance, each.pattern, each.custom_len, *each.custom_bytes[:3])
+        for _ in range(frames)
+        for each in peer.frame(LOW)
+        if each.get_type() == "LED_CONTROL"
+    ]
+
+
+def test_a_colour_is_sent_to_ardupilot_at_once_and_with_every_heartbeat() -> None:
+    peer = Peer(mode="guided_nogps")
+    assert colours(peer, 40) == []
+    assert peer.protocol.light((255, 0, 7))
+    assert colours(peer, 1) == [(255, 255, 3, 255, 0, 7)]
+    assert len(colours(peer, 40)) in (1, 2)
+
+
+def test_px4_has_no_colours() -> None:
+    peer = Peer(mode="offboard")
+    assert not peer.protocol.light((255, 0, 7))
+    assert colours(peer, 40) == []

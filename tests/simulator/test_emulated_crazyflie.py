@@ -293,3 +293,31 @@ def test_without_its_battery_nothing_runs_and_nothing_answers() -> None:
     vehicle.switch_off()
     assert not vehicle.motors_run
     assert vehicle.receive(crtp.NULL_PACKET, 0.2) == []
+
+
+@given(st.tuples(*3 * [st.integers(0, 255)]))
+def test_the_led_ring_shows_the_colour_of_its_parameters(colour: tuple[int, int, int]) -> None:
+    vehicle = Crazyflie(CrazyflieSettings())
+    for packet in ring_colour(*colour):
+        (raw,) = vehicle.receive(packet.to_bytes(), 1.0)
+        assert crtp.Packet.from_bytes(raw).data[-1] == 0
+    assert vehicle.light == colour
+
+
+@pytest.mark.parametrize(
+    ("packet", "error"),
+    [
+        (crtp.set_parameter("ring", "fadeColor", crtp.UINT8, b"\1"), 22),
+        (crtp.set_parameter("ring", "colour", crtp.UINT8, b"\1"), 2),
+        (crtp.set_parameter("lamp", "effect", crtp.UINT8, b"\1"), 2),
+        (crtp.Packet(crtp.PARAMETERS, crtp.NAMED_CHANNEL, b"\0ring"), 2),
+        (crtp.Packet(crtp.PARAMETERS, crtp.NAMED_CHANNEL, b""), 2),
+    ],
+)
+def test_a_parameter_that_does_not_exist_or_of_another_type_is_an_error(
+    packet: crtp.Packet, error: int
+) -> None:
+    vehicle = Crazyflie(CrazyflieSettings())
+    (raw,) = vehicle.receive(packet.to_bytes(), 1.0)
+    assert crtp.Packet.from_bytes(raw).data[-1] == error
+    assert vehicle.light is None

@@ -26,6 +26,10 @@ export class Selected {
     this.listening = true;
     this.control('leader').addEventListener('change', ({ target }) => send('follow', { name: this.name, leader: target.value || null }));
     this.control('controller').addEventListener('change', ({ target }) => send('use_controller', { name: this.name, controller: target.value }));
+    this.control('light').addEventListener('change', ({ target }) => {
+      const colour = [1, 3, 5].map((at) => parseInt(target.value.slice(at, at + 2), 16));
+      send('light', { name: this.name, colour });
+    });
     for (const what of ['home', 'land']) this.control(what).addEventListener('click', () => send(what, { name: this.name }));
     one('#goto').addEventListener('submit', (event) => {
       event.preventDefault();
