@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.formation.topology import places
+from rcopterx.formation.topology import FormationGraph, places
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import BodyPose
 from rcopterx.vehicles.state import Array
@@ -45,8 +45,6 @@ STEPPED_S: Final = 12.0
 STEP_S: Final = 8.0
 STEP_M: Final = 0.4
 """When the head of a chain of helicopters steps, for how long it is observed, and how far the step is."""
-
-FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
 
 def _behind(leader: str, x: float, y: float, frame: str, weight: float = 1.0) -> LeaderLink:
@@ -130,8 +128,9 @@ def fly_helicopters(
 ) -> Absolute:
     """Fly a chain of helicopters twice: hover, then a step of the head across the chain, or none."""
     names = [f"h{number}" for number in range(1, length + 1)]
-    links: FormationGraph = {HEAD: ()}
-    links |= {name: (_behind(leader, -APART_M, 0.0, "inertial"),) for leader, name in pairwise(names)}
+    links: FormationGraph = {HEAD: ()} | {
+        name: (_behind(leader, -APART_M, 0.0, "inertial"),) for leader, name in pairwise(names)
+    }
     scheme = replace(CASCADE, knowledge=knowledge, horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
     x, y, z, yaw = DEEP_START
     stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)

@@ -155,8 +155,8 @@ class FaultRange:
             youngest_s = max(child.started_s for child in supervisor.children.values())
             return supervisor.spares.complete and time.monotonic() - youngest_s > RECOVERED_S
 
-        if not self.bench.wait_for(calm, CALM_S):
-            raise NotReachedError("processes are started again and again, or there is no spare one")
+        what = "processes are started again and again, or there is no spare one"
+        self.fleet.wait_until(calm, CALM_S, what)
 
     def wait_until_flown(self) -> None:
         """Wait until agents fly all vehicles and arbiters let them; `NotReachedError` if not in time."""
@@ -170,11 +170,10 @@ class FaultRange:
                 and state.agent_age_s < REST_S
             )
 
-        if not self.bench.wait_for(lambda: all(map(flown, self._names)), FLOWN_AGAIN_S):
-            states = "; ".join(self.fleet.state_of(name).summary() for name in self._names)
-            raise NotReachedError(f"after {FLOWN_AGAIN_S:g} s: not all vehicles are flown ({states})")
+        what = "not all vehicles are flown"
+        self.fleet.wait_until(lambda: all(map(flown, self._names)), FLOWN_AGAIN_S, what, self._names)
 
     def _wait_until_down(self, names: tuple[str, ...]) -> None:
-        if not self.bench.wait_for(lambda: all(self.truth(name).on_floor for name in names), LANDED_S):
-            raise NotReachedError(f"after {LANDED_S:g} s: not down: {', '.join(names)}")
+        what = f"not down: {', '.join(names)}"
+        self.fleet.wait_until(lambda: all(self.truth(name).on_floor for name in names), LANDED_S, what)
         self.bench.wait(REST_S)
