@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta, Struct, field
 
-from rcopterx.bus.message import Clock, Count, Message, Name, Number, Seconds, Text, Three
+from rcopterx.bus.message import Clock, Colour, Count, Message, Name, Number, Seconds, Text, Three
 
 
 class SubjectState(Struct, frozen=True, kw_only=True):
@@ -57,7 +57,7 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
     touchdowns: Count = 0
     radio: tuple[tuple[Clock, ...], ...] = ()
     """Serial frames the module accepted since the last message: arrival [monotonic s], pulse widths [us]."""
-    light: tuple[int, int, int] | None = None
+    light: Colour | None = None
     """Red, green and blue that were requested of its LEDs, 0 to 255."""
 
 

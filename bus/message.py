@@ -27,6 +27,8 @@ longer ones would be late each time.
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Text = Annotated[str, Meta(max_length=400)]
 Parts = Annotated[tuple[Text, ...], Meta(max_length=8)]  # of a model
+ColourPart = Annotated[int, Meta(ge=0, le=255)]
+Colour = tuple[ColourPart, ColourPart, ColourPart]  # red, green, blue
 Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
 Seconds = Annotated[float, Meta(ge=0, le=MAX_DURATION_S)]  # a duration or an age
 Clock = Annotated[float, Meta(ge=-MAX_CLOCK_S, le=MAX_CLOCK_S)]

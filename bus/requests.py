@@ -8,6 +8,7 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import SIMULATOR_UNIT
 from rcopterx.bus.message import (
+    Colour,
     Count,
     Finite,
     FloatArray,
@@ -40,8 +41,6 @@ LogName = Annotated[str, Meta(max_length=80)]
 LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
 """Number of bytes of each log that are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
-ColourPart = Annotated[int, Meta(ge=0, le=255)]
-Colour = tuple[ColourPart, ColourPart, ColourPart]
 FieldName = Annotated[str, Meta(max_length=40)]
 FaultField = bool | Whole | Finite | Text | tuple[Finite | tuple[Finite, ...], ...] | None
 

@@ -24,7 +24,7 @@ COMMANDS_KEPT = 256  # a flood of wrong commands must not push out the right one
 COMMANDS_AT_ONCE = 8  # so that a flood for one vehicle keeps no other one waiting
 BIDS_KEPT = 16
 NO_CAUSE = Cause(0, 0, 0, 0)  # of outputs that no command is behind
-VERBS = ["arm", "disarm", "kill", "reset"]  # the actions of their names
+VERBS = ["arm", "disarm", "kill", "reset", "set_light"]  # the first ones are actions of their names
 
 
 class TransmitterNode:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.message import Parameters, Setting
+from rcopterx.bus.message import Colour, Parameters, Setting
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.state import VehicleState
@@ -16,7 +16,7 @@ BEGIN: Final = "<!-- begin: python docs/generators/scripting_page.py -->\n"
 END: Final = "<!-- end -->\n"
 PAGE: Final = Path(__file__).resolve().parents[1] / "scripting.md"
 CLASSES: Final = (Fleet, Vehicle, VehicleState)
-ALIASES: Final = {"Parameters": Parameters, "Setting": Setting}  # the outer one first
+ALIASES: Final = {"Parameters": Parameters, "Setting": Setting, "Colour": Colour}  # the outer one first
 INTERNAL: Final = frozenset({"statuses", "frame_period_s", "moving_state_of"})
 
 

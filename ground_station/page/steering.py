@@ -10,9 +10,8 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 import msgspec
 from msgspec import Meta, Struct
 
-from rcopterx.bus.message import Name, Place, Setting
+from rcopterx.bus.message import Colour, Name, Place, Setting
 from rcopterx.bus.messages import LeaderLink, Zone
-from rcopterx.bus.requests import Colour
 from rcopterx.formation.shapes import ShapeName
 from rcopterx.ground_station.page.guard import RequestRejectedError
 from rcopterx.ground_station.page.view import link_to

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from rcopterx.bus import requests
-from rcopterx.bus.message import FloatArray, Parameters, Setting
+from rcopterx.bus.message import Colour, FloatArray, Parameters, Setting
 from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
@@ -104,7 +104,7 @@ class Vehicle:
         status = self.state.agent
         return 0.0 if status is None else status.path_left_s
 
-    def light(self, colour: requests.Colour) -> None:
+    def light(self, colour: Colour) -> None:
         """Show a colour, red, green and blue of 0 to 255, on its LEDs; `RefusedError` if none are reached."""
         self._request(requests.SetLight(colour=colour))
 

@@ -42,12 +42,24 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     fly(fly_and_kill, of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
 
 
+def test_radios_without_lights_refuse_colours(fly: Fly) -> None:
+    fly(refuse_colours, fleet_text())
+
+
+def refuse_colours(flying: Flying) -> None:
+    with pytest.raises(RefusedError, match="h1: multi: no lights"):
+        flying.fleet["h1"].light((255, 255, 255))
+
+
 def fly_and_kill(flying: Flying) -> None:
     fleet, truth, log = flying.fleet, Truth(flying), RadioLog(flying)
     fleet.wait_until(lambda: " V, link 100 %" in module(flying, "h1"), 30, "no battery")
     fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
     fleet.wait_for_formation()
     truth.start_watch()
+    fleet["h2"].light((255, 0, 64))
+    fleet.wait_until(lambda: getattr(truth("h2"), "light", None) == (255, 0, 64), 5, "its lights are dark")
+    assert getattr(truth("h1"), "light", None) is None
     fly_to(flying, truth, (0.3, 0.2, 0.9))
 
     kill_gateway_in_flight(flying)

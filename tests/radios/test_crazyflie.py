@@ -225,7 +225,7 @@ def test_a_colour_is_sent_at_once_and_repeated_as_packets_are_lost_and_firmware_
     assert not [each for each in round_of(protocol, LOW) if each.port == crtp.PARAMETERS]
     assert protocol.light((255, 128, 1))
     sent = [each.data for each in packets(protocol.encode(LOW)) if each.port == crtp.PARAMETERS]
-    # crazyflie-firmware, docs/functional-areas/crtp/crtp_parameters.md: SET_BY_NAME; 0xRRGGBB, little end first
+    # SET_BY_NAME of crazyflie-firmware, crtp_parameters.md; 0xRRGGBB, little end first
     assert sent == [
         b"\0ring\0effect\0\x08\x0e",
         b"\0ring\0fadeTime\0\x06\xcd\xcc\xcc\x3d",

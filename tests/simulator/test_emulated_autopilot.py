@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE
@@ -203,3 +204,18 @@ def test_a_mode_that_is_not_finite_is_rejected(words: tuple[float, float]) -> No
     station = Station()
     assert station.send(station.link.command_long_encode(1, 1, MODE, 0, 1.0, *words, 0, 0, 0, 0)) == []
     assert station.vehicle.rejected == {"mavlink: a mode that is not finite": 1}
+
+
+@pytest.mark.parametrize(("mode", "shown"), [("guided_nogps", (9, 8, 7)), ("offboard", None)])
+def test_ardupilot_shows_a_colour_if_its_parameter_lets_it_and_px4_none(
+    mode: str, shown: tuple[int, int, int] | None
+) -> None:
+    vehicle = EmulatedAutopilot(MavlinkSettings(mode=mode))
+    colour = ardupilotmega.MAVLink_led_control_message(1, 1, 255, 255, 3, [9, 8, 7, *21 * [0]])
+    raw = colour.pack(ardupilotmega.MAVLink(None, 255, 190))
+    vehicle.receive(raw, 0.1)
+    assert vehicle.light == shown
+    if shown:
+        vehicle.light, vehicle.parameters["NTF_LED_OVERRIDE"] = None, 0.0
+        vehicle.receive(raw, 0.2)
+        assert vehicle.light is None

@@ -10,7 +10,7 @@ from support.conditions import IDEAL
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.radios import crtp
-from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crazyflie import CrazyflieSettings, ring_colour
 from rcopterx.radios.set_points import AttitudeSetPoint
 from rcopterx.simulator.crazyflie import Crazyflie, battery_voltage_v
 from rcopterx.simulator.crazyflie_supervisor import (
