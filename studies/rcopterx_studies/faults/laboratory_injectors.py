@@ -3,13 +3,28 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from msgspec.structs import replace
 
+from rcopterx.bus.messages import Zone
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
+from rcopterx.ground_station.acceptance.paper_sequence import leader_of
+from rcopterx.simulator.faults import (
+    AddSubject,
+    BreakVehicle,
+    Fault,
+    Recover,
+    RemoveSubject,
+    TimedFault,
+    fault_text,
+)
 from rcopterx_studies.faults.bench import Bench, Injector
 from rcopterx_studies.faults.scenario import inject_faults
+
+WAND_M: Final = (0.9, 0.0, 1.0)
+BESIDE_WAND_M: Final = (-0.9, 0.0, 0.0)  # where the leader hovers anyway
+SETTLING_S: Final = 1.5
 
 
 @dataclass(frozen=True)
@@ -42,6 +57,46 @@ class LaboratoryFault(Injector):
         finally:
             if seconds is None:
                 inject_faults(bench.fleet.session, Recover())
+
+
+@dataclass(frozen=True)
+class ZoneSetOnto(Injector):
+    """A keep-out zone is set onto a vehicle, until the flight is over."""
+
+    launched = False
+
+    vehicle: str
+
+    @contextmanager
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        x, y, z = bench.fleet.state_of(self.vehicle).place_m or (0.0, 0.0, 0.0)
+        zone = Zone(min_m=(x - 0.1, y - 0.1, 0.0), max_m=(x + 0.1, y + 0.1, z + 0.1))
+        bench.fleet.set_zone("fault", zone)
+        try:
+            yield
+        finally:
+            bench.fleet.set_zone("fault", None)
+
+
+@dataclass(frozen=True)
+class WandLost(Injector):
+    """The leader follows a wand, which is not seen any more then."""
+
+    launched = False
+
+    @contextmanager
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        fleet, leader = bench.fleet, leader_of(bench.fleet)
+        inject_faults(fleet.session, AddSubject(subject="wand", position_m=WAND_M))
+        bench.wait(SETTLING_S)
+        fleet[leader].follow("wand", BESIDE_WAND_M)
+        fleet.wait_for_formation([leader])
+        inject_faults(fleet.session, RemoveSubject(subject="wand"))
+        try:
+            yield
+        finally:
+            fleet[leader].lead()
+            inject_faults(fleet.session, Recover())
 
 
 @dataclass(frozen=True)

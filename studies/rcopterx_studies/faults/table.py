@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from itertools import product
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -19,7 +20,7 @@ from rcopterx_studies.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx_studies.faults.laboratory_injectors import Draining, LaboratoryFault
+from rcopterx_studies.faults.laboratory_injectors import Draining, LaboratoryFault, WandLost, ZoneSetOnto
 from rcopterx_studies.faults.process_injectors import (
     DiesAtStart,
     Halting,
@@ -45,6 +46,7 @@ PROCESSES: Final = {
 }
 """Processes by what they are. The simulator stands for the laboratory and gets no faults; the learner only
 listens, as the recorder does."""
+FLEET_WITH_WAND: Final = Path(__file__).with_name("three_and_wand.toml")
 PAIR: Final = PromisedLimits(deviation_mm=300.0, silence_ms=1000.0)
 BLIND: Final = PromisedLimits(deviation_mm=1000.0, silence_ms=4000.0)
 """Without poses and commands vehicles are held, and sink meanwhile."""
@@ -177,13 +179,23 @@ class LaboratoryRow(Struct, frozen=True, forbid_unknown_fields=True):
 LABORATORY_ROWS: Final = tuple(
     convert(row, LaboratoryRow).flight(name) for name, row in table_beside(__file__, "laboratory").items()
 )
-BATTERY_ROW: Final = FaultFlight(
-    "vehicle-battery",
-    "The battery of h2 falls to 0.58 of its thrust in 25 s",
-    (Draining("h2", 0.58, 25.0),),
-    Promise.LANDS,
-    ("h2",),
-    LIMITS["weak"],
+DAY_ROWS: Final = (
+    *(
+        FaultFlight(
+            name,
+            f"The battery of {vehicle} falls to 0.58 of its thrust in 25 s",
+            (Draining(vehicle, 0.58, 25.0),),
+            Promise.LANDS,
+            (vehicle,),
+            LIMITS["weak"],
+        )
+        for name, vehicle in (("vehicle-battery", "h2"), ("leader-battery", "h1"))
+    ),
+    _row("zone-onto-leader", "A keep-out zone is set onto h1", ZoneSetOnto("h1")),
+    _row("zone-onto-follower", "A keep-out zone is set onto h2", ZoneSetOnto("h2")),
+    FaultFlight(
+        "wand-lost", "A wand that h1 follows is not seen any more", (WandLost(),), fleet=FLEET_WITH_WAND
+    ),
 )
 
 HOST_ROWS: Final = (
@@ -222,7 +234,7 @@ HOST_ROWS: Final = (
 )
 
 ROWS: Final = (
-    *PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *LABORATORY_ROWS, BATTERY_ROW, *HOST_ROWS, *TAKE_OFF_ROWS,
+    *PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *LABORATORY_ROWS, *DAY_ROWS, *HOST_ROWS, *TAKE_OFF_ROWS,
 )  # fmt: skip
 
 FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})  # every fault flight by name

@@ -46,7 +46,7 @@ ENDINGS = (
 
 
 def fleet_of(row: FaultFlight) -> FleetFile:
-    return FLEET if row.fleet is None else TYPES
+    return FLEET if row.fleet is None else load_fleet(row.fleet)
 
 
 def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> None:
