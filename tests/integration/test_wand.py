@@ -191,10 +191,9 @@ def test_five_make_way_for_a_hand_on_other_ways(
     watched: Callable[..., None], speed_m_s: float, seed: int
 ) -> None:
     def walked(flight: Watched) -> None:
+        apart_m = DISTANCE_M if speed_m_s < 3.0 else 0.0  # then it is faster than vehicles can make way
         for words, way_m in WALKS_M.items():
-            flight.check_walk(
-                f"seed {seed}, {words}", way_m, speed_m_s, DISTANCE_M if speed_m_s < 2.0 else 0.0
-            )
+            flight.check_walk(f"seed {seed}, {words}", way_m, speed_m_s, apart_m)
             flight.example["inject"](flight.fleet, "recover")
             flight.fleet.wait(flight.example["SETTLING_S"])
 
