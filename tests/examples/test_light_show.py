@@ -20,6 +20,7 @@ import light_show  # noqa: E402
 sys.path.remove(str(EXAMPLE))
 
 LINE = [[0, [0, 0, 0], []], [4, [0, 0, 10], []], [8, [10, 0, 10], []]]
+STILL = np.zeros(2)
 CURVE = [[0, [0, 5, 0], []], [8, [10, 5, 10], [[0, 5, 10], [10, 5, 0]]]]
 
 
@@ -125,7 +126,7 @@ def test_a_show_of_any_size_fits_into_the_volume_and_keeps_its_shape_from_above(
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
     drones = [
         skybrush.Drone(
-            str(number), np.array([0.0, 5.0]), place + size * (corners + np.array([0.0, number, 0.0]))
+            str(number), np.array([0.0, 5.0]), place + size * (corners + np.array([0.0, number, 0.0])), STILL
         )
         for number in range(2)
     ]
@@ -144,15 +145,18 @@ def test_a_show_of_any_size_fits_into_the_volume_and_keeps_its_shape_from_above(
 def test_a_show_that_is_too_tight_for_the_volume_is_refused() -> None:
     line = np.array([[0.0, 0.0, 1.0], [40.0, 0.0, 1.0]])
     drones = [
-        skybrush.Drone(str(y), np.array([0.0, 9.0]), line + np.array([0.0, y, 0.0])) for y in (0.0, 2.0)
+        skybrush.Drone(str(y), np.array([0.0, 9.0]), line + np.array([0.0, y, 0.0]), STILL)
+        for y in (0.0, 2.0)
     ]
     with pytest.raises(skybrush.ShowError, match=r"0.0 and 2.0 are 0.10 m from each other"):
         light_show.fitted(drones, (-1.0, -1.0, 0.5), (1.0, 1.0, 1.7))
 
 
 def test_everybody_stays_where_he_is_before_and_after_his_own_part() -> None:
-    drone = skybrush.Drone("late", np.array([2.0, 4.0]), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]))
+    line = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+    drone = skybrush.Drone("late", np.array([2.0, 4.0]), line, np.array([0.0, 7.0]))
     path = light_show.path_of(drone, 0.0, 10.0, slower=2.0)
     assert path.duration_s == pytest.approx(20.0)
     ends = path.sample(np.array([0.0, 20.0]))
     assert ends[:, 0] == pytest.approx([0.0, 1.0])
+    assert ends[:, 3] == pytest.approx([0.0, 7.0]), "a whole turn is one"
