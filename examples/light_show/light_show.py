@@ -115,21 +115,19 @@ def play(fleet, lamps, drones, paths, begin_s, slower):
 
     The time along a path stands still while the fleet is suspended; `home` or another task ends the path.
     """
-    left_s = {name: path.duration_s for name, path in paths.items()}
+    left_s = {name: path_left_s(fleet, name) for name in paths}
     early = []
     while left_s:
         fleet.wait(STATUS_S)
         for name, before_s in list(left_s.items()):
-            left_s[name] = path_left_s(fleet, name)
-            if left_s[name] > 0.0:
-                along_s = paths[name].duration_s - left_s[name]  # Below 0 on the way to the beginning.
-                lamps.show(
-                    name, OFF if along_s < 0.0 else colour_of(drones[name], begin_s + along_s / slower)
-                )
-                continue
-            del left_s[name]
-            lamps.show(name, OFF)
-            if before_s > EARLY_S:
+            left_s[name] = min(before_s, path_left_s(fleet, name))  # Lights do not go back at `resume`.
+            along_s = paths[name].duration_s - left_s[name]  # Below 0 on the way to the beginning.
+            ended = left_s[name] == 0.0
+            dark = ended or along_s < 0.0
+            lamps.show(name, OFF if dark else colour_of(drones[name], begin_s + along_s / slower))
+            if ended:
+                del left_s[name]
+            if ended and before_s > EARLY_S:
                 print(f"{name} leaves the show {before_s:.0f} s before its end")
                 early.append(name)
     return early
@@ -166,7 +164,12 @@ def fly(fleet, drones, slower=1.0):
     fleet.wait_until(
         lambda: all(path_left_s(fleet, name) > 0.0 for name in names), 2, "it does not begin", names
     )
-    if early := play(fleet, lamps, drones, paths, begin_s, slower):
+    try:
+        early = play(fleet, lamps, drones, paths, begin_s, slower)
+    finally:
+        for name in names:
+            lamps.show(name, OFF)
+    if early:
         wait_for_landing(fleet, early)
 
 
