@@ -1,7 +1,6 @@
 """Promises of drone shows: what the file says is what is flown and shown, and bad files are rejected."""
 
 import json
-import sys
 import zipfile
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,17 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.example_programs import light_show
 
 from rcopterx import RefusedError
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx_studies.importing import skybrush
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "light_show"
-sys.path.insert(0, str(EXAMPLE))
-import light_show  # noqa: E402
-
-sys.path.remove(str(EXAMPLE))
 
 LINE = [[0, [0, 0, 0], []], [4, [0, 0, 10], []], [8, [10, 0, 10], []]]
 STILL = np.zeros(2)
