@@ -5,7 +5,7 @@ import socket
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from rcopterx.radios.mavlink_poses import vision_pose
 from rcopterx.vicon_gateway.frame import SubjectPose

@@ -130,11 +130,14 @@ class TrackerGateway:
         session: Session,
         realtime: bool,
         recording: Path | None = None,
-        pose_sender: "PoseSender | None" = None,
-        subject_plans: "SubjectPlans | None" = None,
     ) -> None:
         self._settings = settings
-        self._pose_sender, self._subject_plans = pose_sender, subject_plans
+        self._pose_sender: PoseSender | None = None
+        if settings.pose_links:
+            from rcopterx.vicon_gateway import external_poses
+
+            self._pose_sender = external_poses.PoseSender(settings.pose_links)
+        self._subject_plans = settings.subject_plans and settings.subject_plans(session)
         self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
@@ -155,6 +158,11 @@ class TrackerGateway:
             session.subscribe_all(channels.INTENT, waking=False),
         )
         self._flown_until_s = session.clock() + FLOWN_LIMIT_S
+
+    def close(self) -> None:
+        """Close what poses for autopilots are sent by."""
+        if self._pose_sender is not None:
+            self._pose_sender.close()
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
@@ -296,14 +304,8 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
                 at_once=settings.bus.clock.lockstep,
             )
         stack.callback(client.close)
-        path, sender = None if file is None else file.path, None
-        if settings.pose_links:
-            from rcopterx.vicon_gateway.external_poses import PoseSender
-
-            sender = PoseSender(settings.pose_links)
-            stack.callback(sender.close)
-        plans = None if settings.subject_plans is None else settings.subject_plans(session)
-        gateway = TrackerGateway(settings, client, session, realtime, path, sender, plans)
+        path = None if file is None else file.path
+        gateway = stack.enter_context(closing(TrackerGateway(settings, client, session, realtime, path)))
         heartbeat = own_heartbeat()
         prepare_loop()
         while not stopping:

@@ -7,8 +7,17 @@ from typing import Any
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import SubjectState, TrackerStatus
-from rcopterx.bus.messages import AgentStatus, Kill, LeaderLink, Plan, Pose, SetPoint, TransmitterStatus
-from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply
+from rcopterx.bus.messages import (
+    AgentStatus,
+    Kill,
+    LeaderLink,
+    Plan,
+    Pose,
+    SetPoint,
+    TransmitterStatus,
+    ZoneSet,
+)
+from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply, SetZones
 from rcopterx.bus.session import BusAddress, Incoming, Session
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -36,6 +45,8 @@ VERBS = [
     "tune",
     "suspend",
     "resume",
+    "set_zones",
+    "set_light",
 ]
 NEXT_PHASE = {"arm": "armed", "take_off": "flying", "land": "armed", "disarm": "ground", "kill": "ground"}
 NEXT_STATE = {"arm": "armed", "disarm": "disarmed", "kill": "killed", "reset": "disarmed"}
@@ -83,6 +94,7 @@ class ScriptedVehicle:
         self.plan: Plan | None = None
         self.reason = "scripted"  # of the state of the arbiter
         self.path_left_s = 0.0
+        self.zones: ZoneSet | None = None
 
     def answer(self, incoming: Incoming) -> None:
         self.requests.append(incoming.request)
@@ -114,6 +126,8 @@ class ScriptedVehicle:
         elif isinstance(request, Follow):
             self.following = self.assigned = request.following
             self.plan_at(self.position_m)
+        elif isinstance(request, SetZones):
+            self.zones = request.zones
         elif isinstance(request, Lead):
             self.following = self.assigned = ()
             self.set_point = SetPoint(position_m=self.position_m, yaw_rad=self.yaw_rad)
@@ -151,6 +165,7 @@ class ScriptedVehicle:
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
             path_left_s=self.path_left_s,
+            zones=self.zones,
             **self.diagnostics,
         )
 

@@ -45,8 +45,9 @@ export class Tools {
 
   /** Set a corner of a zone where a pixel meets the floor; the second one of two opposite ones sends the zone. */
   clickCorner({ x, y }) {
-    const place = this.scene.camera.onLevel(x, y, 0), value = (name) => one(`[name=${name}]`, this.zone).value;
-    if (!place) return;
+    const floor = this.scene.camera.onLevel(x, y, 0), value = (name) => one(`[name=${name}]`, this.zone).value;
+    if (!floor) return;
+    const place = floor.map((number, axis) => Math.min(this.volume[1][axis], Math.max(this.volume[0][axis], number)));
     const { corner } = this.scene;
     this.scene.corner = corner ? null : place;
     this.scene.dirty = true;

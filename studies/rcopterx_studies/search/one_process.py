@@ -8,7 +8,7 @@ transport differs: a bus in memory in place of routers. Serial lines and the Tra
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -132,16 +132,15 @@ class OneProcess:
 
     def _track(self) -> None:
         settings = tracker_settings(self._file)
-        with Session(settings.bus) as session:
-            clock = settings.bus.clock
-            with closing(
-                DataStreamClient(
-                    settings.host, settings.port, clock=session.clock, speed=clock.speed, at_once=True
-                )
-            ) as client:
-                gateway = TrackerGateway(settings, client, session, realtime=False)
-                while True:
-                    gateway.step()
+        clock = settings.bus.clock
+        with Session(settings.bus) as session, ExitStack() as stack:
+            client = DataStreamClient(
+                settings.host, settings.port, clock=session.clock, speed=clock.speed, at_once=True
+            )
+            stack.callback(client.close)
+            gateway = stack.enter_context(closing(TrackerGateway(settings, client, session, realtime=False)))
+            while True:
+                gateway.step()
 
     def _transmit(self, name: str) -> None:
         settings = gateway_settings(self._file, name, self._directory)

@@ -23,7 +23,7 @@ from support.browsing import (
 from support.filmed_flight import filmed_flight
 from support.waiting import wait_for
 
-from rcopterx.bus.requests import Follow, Tune
+from rcopterx.bus.requests import Follow, SetLight, SetZones, Tune
 from rcopterx.ground_station.report.page import report_page
 
 pytestmark = IN_A_BROWSER
@@ -127,6 +127,39 @@ def test_a_leader_is_sent_elsewhere_with_one_drag(hand: Hand, vehicles: Vehicles
     hand.window.mouse.up()
     done(lambda: "GoTo" in vehicles["h1"].verbs, "does not go")
     assert hand.presses == 0
+
+
+def test_a_zone_is_drawn_with_two_clicks_in_the_scene_and_removed_with_one(
+    hand: Hand, vehicles: Vehicles
+) -> None:
+    hand.click(hand.window.locator("#zone > summary"))
+    hand.click(hand.window.locator("#zone [name=drawing]"))
+    box = hand.window.locator("#stage canvas").bounding_box()
+    for across, down in ((0.5, 0.62), (0.62, 0.72)):
+        hand.window.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
+        hand.presses += 1
+    done(lambda: requests_of(vehicles["h2"], SetZones), "no zone")
+    (sent,) = requests_of(vehicles["h1"], SetZones)
+    zone = sent.zones.zones["zone1"]
+    assert sent == requests_of(vehicles["h2"], SetZones)[0]
+    assert all(low < high for low, high in zip(zone.min_m, zone.max_m, strict=True))
+    assert max(*map(abs, (*zone.min_m[:2], *zone.max_m[:2]))) <= 1.0
+    assert (zone.min_m[2], zone.max_m[2]) == (0.0, 2.0)
+    assert not hand.window.locator("#zone [name=drawing]").is_checked()
+    hand.click(hand.button("Remove zone1"))
+    done(lambda: len(requests_of(vehicles["h1"], SetZones)) == 2, "not removed")
+    assert requests_of(vehicles["h1"], SetZones)[1].zones.zones == {}
+    assert hand.window.locator("#zone [name=name]").input_value() == "zone2"
+    assert hand.presses <= 5
+
+
+def test_the_light_of_a_vehicle_is_chosen_with_two_clicks(hand: Hand, vehicles: Vehicles) -> None:
+    hand.click(hand.row("h2"))
+    hand.click(hand.window.locator("#selected [name=light]"))
+    hand.window.locator("#selected [name=light]").fill("#ff8000")
+    done(lambda: requests_of(vehicles["h2"], SetLight), "no light")
+    assert requests_of(vehicles["h2"], SetLight)[-1].colour == (255, 128, 0)
+    assert hand.presses <= 2
 
 
 def test_which_radio_is_late_is_read_with_two_clicks(hand: Hand) -> None:
