@@ -193,7 +193,7 @@ def main():
         drones = read_show(chosen.show)
         with launched(chosen.fleet) as fleet:
             fly(fleet, drones, chosen.slower)
-    except (ShowError, RefusedError) as error:
+    except (ShowError, RefusedError, NotReachedError) as error:
         raise SystemExit(f"error: {error}") from None
 
 
