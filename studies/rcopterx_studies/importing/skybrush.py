@@ -1,15 +1,17 @@
-"""Reads drone shows: Skybrush's `.skyc`, or a zip of CSV files with one drone each; lights are left out.
+"""Reads drone shows: Skybrush's `.skyc`, or a zip of CSV files with one drone each; pyros are left out.
 
 A `.skyc` file is a zip archive. Its `show.json` lists the drones (`swarm.drones[].settings`), each with a
-trajectory of version 1, in place or by reference to another file of the archive. A trajectory is a list of
-keyframes: seconds after the take-off, position in metres, and the inner control points of the Bezier curve
-that leads there: none (a straight line) to six.
+trajectory, and maybe lights and a heading, of version 1, in place or by reference to another file. Keyframes
+of a trajectory are seconds after the take-off, position in metres, and the inner control points of the Bezier
+curve that leads there: none (a straight line) to six. Lights, byte code, and headings begin with the show.
 """
 
+import base64
 import codecs
 import json
 import math
 import posixpath
+import re
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -29,12 +31,31 @@ STEP_S: Final = 0.25
 MAX_MEMBER_BYTES: Final = 20_000_000
 MAX_DURATION_S: Final = 3600.0
 HIGHEST_DEGREE: Final = 7  # of the polynomials between keyframes
+SLOW_M_S: Final = 0.1  # up to this speed the direction is no heading
+COLUMNS: Final = ("time [ms]", "x [m]", "y [m]", "z [m]", "red", "green", "blue")
 SHOW: Final = "show.json"
+PARTS: Final = ("trajectory", "lights", "yawControl")  # of the settings of a drone
 MAC_FOLDER: Final = "__MACOSX"
+TICK_S: Final = 0.02  # of light programs
+MAX_COMMANDS: Final = 100_000  # that a light program runs
+END, WAIT_UNTIL, SET_COLOUR, FADE_TO_COLOUR, LOOP_BEGIN, LOOP_END, RESET_TIMER = 0, 3, 4, 8, 12, 13, 14
+NUMBER: Final = rb"([\x80-\xff]{0,4}[\x00-\x7f])"  # seven bits of each byte, the lowest first
+ARGUMENTS: Final = {  # bytes, and for commands of a duration or time a number of up to five
+    code: re.compile(b"(.{%d})" % count + (NUMBER if 2 <= code < 12 else b"()"), re.DOTALL)
+    for count, codes in ((0, (0, 1, 2, 3, 6, 7, 10, 11, 13, 14)), (1, (5, 9, 12, 20, 21)), (3, (4, 8)))
+    for code in codes
+}
 
 
 class ShowError(FleetError):
     """The file is no valid show; the text names the wrong part."""
+
+
+class Lights(NamedTuple):
+    """Colours over the time of a show: they fade in between, and change at once where two have one time."""
+
+    times_s: Array  # not decreasing, shape (n,)
+    colours: Array  # red, green, blue, 0 to 255, shape (n, 3)
 
 
 class Drone(NamedTuple):
@@ -43,6 +64,8 @@ class Drone(NamedTuple):
     name: str
     times_s: Array  # since the beginning of the show, increasing, shape (n,)
     positions_m: Array  # shape (n, 3)
+    yaws_rad: Array  # counter-clockwise from the x axis, with whole turns, shape (n,)
+    lights: Lights | None = None
 
 
 class _Archive:
@@ -59,28 +82,20 @@ class _Archive:
         shows = sorted((path for path in kept if path.name == SHOW), key=lambda path: len(path.parts))
         if len(shows) > 1:
             raise ShowError(f"{len(shows)} files {SHOW}: {', '.join(map(str, shows))}")
-        folder = shows[0].parent if shows else _common_folder(list(kept))
-        self.has_show = bool(shows)
-        self._members = {
+        folders = {path.parent for path in shows or kept}
+        folder = folders.pop() if len(folders) == 1 else PurePosixPath()
+        self.members = {
             str(path.relative_to(folder)): info for path, info in kept.items() if path.is_relative_to(folder)
         }
-
-    def tables(self) -> list[str]:
-        """Return the names of all CSV files, in order."""
-        return sorted(name for name in self._members if name.lower().endswith(".csv"))
+        self.tables = sorted(name for name in self.members if name.lower().endswith(".csv") and not shows)
 
     def read(self, name: str) -> bytes:
         """Return the content of a file; raises `ShowError`."""
-        if (member := self._members.get(posixpath.normpath(name))) is None:
+        if (member := self.members.get(posixpath.normpath(name))) is None:
             raise ShowError(f"{name} is missing in the archive")
         if member.file_size > MAX_MEMBER_BYTES:
             raise ShowError(f"{name} is larger than {MAX_MEMBER_BYTES} bytes")
         return self._archive.read(member)
-
-
-def _common_folder(paths: Sequence[PurePosixPath]) -> PurePosixPath:
-    parents = {path.parent for path in paths}
-    return parents.pop() if len(parents) == 1 else PurePosixPath()
 
 
 def read_show(path: Path) -> list[Drone]:
@@ -88,10 +103,8 @@ def read_show(path: Path) -> list[Drone]:
     try:
         with zipfile.ZipFile(path) as file:
             archive = _Archive(file)
-            if archive.has_show:
-                drones = _drones_of_skyc(archive)
-            else:
-                drones = [_drone_of_csv(archive, name) for name in archive.tables()]
+            drones = [_drone_of_csv(archive, name) for name in archive.tables]
+            drones += _drones_of_skyc(archive) if SHOW in archive.members else []
     except zipfile.BadZipFile as error:
         raise ShowError(f"{path}: {_other_format(path) or error}") from None
     except (OSError, zlib.error, EOFError, RuntimeError, FleetError) as error:
@@ -126,8 +139,8 @@ def read_vehicles(path: Path) -> list[NewVehicle]:
 def _drones_of_skyc(archive: _Archive) -> list[Drone]:
     show = _json(archive, SHOW)
     try:
-        settings = [drone["settings"] for drone in show["swarm"]["drones"]]
-        return [_drone_of_settings(archive, entry, number) for number, entry in enumerate(settings, 1)]
+        drones = enumerate(show["swarm"]["drones"], 1)
+        return [_drone_of_settings(archive, drone["settings"], number) for number, drone in drones]
     except (KeyError, TypeError, AttributeError) as error:
         raise ShowError(f"{SHOW}: {error!r} is missing or of another kind") from None
 
@@ -140,15 +153,65 @@ def _json(archive: _Archive, name: str) -> Any:
 
 def _drone_of_settings(archive: _Archive, settings: dict[str, Any], number: int) -> Drone:
     name = str(settings.get("name", f"drone {number}"))
-    trajectory = settings["trajectory"]
-    if "$ref" in trajectory:
-        trajectory = _json(archive, trajectory["$ref"].partition("#")[0])
-    if trajectory.get("version") != 1:
-        raise ShowError(f"{name}: version {trajectory.get('version')!r} of the trajectory, only 1 is known")
-    with errors_at(name, ValueError):
+    with errors_at(name, ValueError, IndexError, OverflowError):
+        trajectory, lights, heading = (_part(archive, settings, part) for part in PARTS)
         times_s, positions_m = _sampled(trajectory["points"])
         times_s += float(trajectory.get("takeoffTime", 0.0))
-    return _checked(name, times_s, positions_m)
+        yaws_rad = _yaws_rad(heading, times_s, positions_m)
+        played = lights_of(base64.b64decode(lights["data"])) if lights else None
+    return _checked(Drone(name, times_s, positions_m, yaws_rad, played))
+
+
+def _part(archive: _Archive, settings: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return a part of the settings of a drone, in place or from another file; empty without it."""
+    part: dict[str, Any] = settings.get(name) or {}
+    if "$ref" in part:
+        part = _json(archive, part["$ref"].partition("#")[0])
+    if part and part.get("version") != 1:
+        raise ShowError(f"version {part.get('version')!r} of the {name}, only 1 is known")
+    return part
+
+
+def _yaws_rad(control: dict[str, Any], times_s: Array, positions_m: Array) -> Array:
+    """Headings, which Skybrush counts clockwise in degrees: set points, or along the way where it moves."""
+    at_s, clockwise_deg = np.array(control.get("setpoints") or [[0.0, 0.0]], dtype=float)[:, :2].T
+    ways_m = np.diff(positions_m[:, :2], axis=0)
+    moving = np.hypot(*ways_m.T) > SLOW_M_S * np.diff(times_s)
+    if control.get("autoYaw") and moving.any():
+        along_deg = np.degrees(np.unwrap(np.arctan2(ways_m[moving, 1], ways_m[moving, 0])))
+        at_s, clockwise_deg = times_s[1:][moving], float(control.get("autoYawOffset", 0.0)) - along_deg
+    if (np.diff(at_s) <= 0).any():
+        raise ValueError("times of the headings must increase")
+    return np.asarray(-np.radians(np.interp(times_s, at_s, clockwise_deg)))
+
+
+def lights_of(program: bytes) -> Lights:
+    """Run a light program for `MAX_DURATION_S` at most; raises `ValueError`."""
+    loops: list[tuple[int, int]] = []  # where they begin, and how often they still run, 0 for ever
+    changes = [(0, bytes(3))]
+    at = ticks = timer = 0
+    for _ in range(MAX_COMMANDS):
+        code = program[at] if at < len(program) else END
+        if code not in ARGUMENTS or (found := ARGUMENTS[code].match(program, at + 1)) is None:
+            raise ValueError(f"command {code} at byte {at} of the light program cannot be played")
+        if code == END or TICK_S * ticks > MAX_DURATION_S:
+            times, colours = zip(*changes, strict=True)
+            return Lights(TICK_S * np.array(times), np.array([*map(list, colours)], dtype=float))
+        at, values, number = found.end(), found[1], sum((b & 127) << 7 * i for i, b in enumerate(found[2]))
+        if SET_COLOUR <= code < LOOP_BEGIN:
+            colour = (values, 3 * values, bytes(3), 3 * b"\xff")[code % 4]
+            changes += [(ticks, changes[-1][1]), (ticks + (code >= FADE_TO_COLOUR) * number, colour)]
+        ticks = max(ticks, timer + number) if code == WAIT_UNTIL else ticks + number
+        if code == RESET_TIMER:
+            timer = ticks
+        elif code == LOOP_BEGIN:
+            loops.append((at, values[0]))
+        elif code == LOOP_END and loops:
+            begin, rounds = loops.pop()
+            if rounds != 1:
+                at = begin
+                loops.append((begin, max(0, rounds - 1)))
+    raise ValueError(f"the light program runs more than {MAX_COMMANDS} commands")
 
 
 def _sampled(points: Any) -> tuple[Array, Array]:
@@ -159,10 +222,7 @@ def _sampled(points: Any) -> tuple[Array, Array]:
         points_inside = further[0] if further else []
         control = np.array([point[:3] for point in (start, *points_inside, end)], dtype=float)
         if control.shape[1:] != (3,) or len(control) > HIGHEST_DEGREE + 1:
-            raise ValueError(
-                f"the keyframe at {end_s:g} s has no position or more than "
-                f"{HIGHEST_DEGREE - 1} control points"
-            )
+            raise ValueError(f"at {end_s:g} s: no position, or more than {HIGHEST_DEGREE - 1} control points")
         if not time_s < end_s <= MAX_DURATION_S:
             raise ValueError(f"the keyframe at {end_s:g} s does not come after {time_s:g} s")
         steps = max(1, math.ceil((end_s - time_s) / STEP_S))
@@ -174,34 +234,33 @@ def _sampled(points: Any) -> tuple[Array, Array]:
 
 
 def _drone_of_csv(archive: _Archive, name: str) -> Drone:
-    """Columns: time [ms], x, y, z [m]; further ones (red, green, blue) and the heading are left out."""
+    """Read `COLUMNS`, colours only if the first line names them; further ones are left out."""
     with errors_at(name, TextError):
         rows = list(rows_of(decoded(archive.read(name))))
-        if rows and not _is_number(rows[0].cells[0]):
+        names = rows[0].cells if rows else [""]
+        columns = COLUMNS[: 7 if [cell[:1].lower() for cell in names[4:7]] == ["r", "g", "b"] else 4]
+        if not names[0].lstrip("+-.")[:1].isdigit():
             rows = rows[1:]
-        table = np.array([_time_and_place(row) for row in rows]).reshape(-1, 4)
-    return _checked(name, 1e-3 * table[:, 0], table[:, 1:])
+        table = np.array([_numbers(row, columns) for row in rows]).reshape(-1, len(columns))
+    times_s, colours = 1e-3 * table[:, 0], table[:, 4:]
+    if (np.abs(colours - 127.5) > 127.5).any():
+        raise ShowError(f"{name}: colours are from 0 to 255")
+    lights = Lights(times_s, colours) if colours.size else None
+    return _checked(Drone(name, times_s, table[:, 1:4], 0.0 * times_s, lights))
 
 
-def _time_and_place(row: Row) -> list[float]:
-    if len(row.cells) < 4:
-        raise TextError(f"line {row.line}: needs the columns time [ms], x, y, z [m]")
-    return [number_in(cell, f"line {row.line}") for cell in row.cells[:4]]
+def _numbers(row: Row, columns: Sequence[str]) -> list[float]:
+    if len(row.cells) < len(columns):
+        raise TextError(f"line {row.line}: needs the columns {', '.join(columns)}")
+    return [number_in(cell, f"line {row.line}") for cell in row.cells[: len(columns)]]
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        number_in(cell, "")
-    except TextError:
-        return False
-    return True
-
-
-def _checked(name: str, times_s: Array, positions_m: Array) -> Drone:
+def _checked(drone: Drone) -> Drone:
+    name, times_s, positions_m, yaws_rad, _ = drone
     if len(times_s) < 2 or positions_m.shape != (len(times_s), 3):
         raise ShowError(f"{name}: at least two positions with x, y, z are needed")
-    if not (np.isfinite(times_s).all() and np.isfinite(positions_m).all()):
+    if not np.isfinite(np.column_stack((times_s, positions_m, yaws_rad))).all():
         raise ShowError(f"{name}: every number must be finite")
     if (np.diff(times_s) <= 0).any():
         raise ShowError(f"{name}: times must increase")
-    return Drone(name, times_s, positions_m)
+    return drone
