@@ -9,6 +9,7 @@ from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
+from light_programs import played
 
 from rcopterx import NotReachedError, RefusedError, launched, through
 from rcopterx.bus.session import RequestFailedError
@@ -78,11 +79,11 @@ def check_limits(file, paths):
             raise ShowError(f"{name}: {problem} (--slower)")
 
 
-def colour_of(drone, time_s):
-    """Its colour at a time of the show: red, green and blue, in shades that can be told apart."""
-    if drone.lights is None:
+def colour_of(lights, time_s):
+    """A colour at a time of the show: red, green and blue, in shades that can be told apart."""
+    if lights is None:
         return OFF
-    exact = [np.interp(time_s, drone.lights.times_s, part) for part in drone.lights.colours.T]
+    exact = [np.interp(time_s, lights.times_s, part) for part in lights.colours.T]
     return tuple(SHADE * round(part / SHADE) for part in exact)
 
 
@@ -110,8 +111,8 @@ class Lamps:
             pass  # It did not answer: the colour is sent again soon.
 
 
-def play(fleet, lamps, drones, paths, begin_s, slower):
-    """Show the colours of drones while vehicles fly their paths; returns who left the show before its end.
+def play(fleet, lamps, lights, paths, begin_s, slower):
+    """Show lights while vehicles fly their paths; returns who left the show before its end.
 
     The time along a path stands still while the fleet is suspended; `home` or another task ends the path.
     """
@@ -124,7 +125,7 @@ def play(fleet, lamps, drones, paths, begin_s, slower):
             along_s = paths[name].duration_s - left_s[name]  # Below 0 on the way to the beginning.
             ended = left_s[name] == 0.0
             dark = ended or along_s < 0.0
-            lamps.show(name, OFF if dark else colour_of(drones[name], begin_s + along_s / slower))
+            lamps.show(name, OFF if dark else colour_of(lights[name], begin_s + along_s / slower))
             if ended:
                 del left_s[name]
             if ended and before_s > EARLY_S:
@@ -152,6 +153,7 @@ def fly(fleet, drones, slower=1.0):
     end_s = max(drone.times_s[-1] for drone in shrunk)
     paths = {name: path_of(drone, begin_s, end_s, slower) for name, drone in drones.items()}
     check_limits(fleet.file, paths)
+    lights = {name: played(drone) for name, drone in drones.items()}
     lamps = Lamps(fleet, names)
     fleet.take_off(names)
     for name in names:
@@ -165,7 +167,7 @@ def fly(fleet, drones, slower=1.0):
         lambda: all(path_left_s(fleet, name) > 0.0 for name in names), 2, "it does not begin", names
     )
     try:
-        early = play(fleet, lamps, drones, paths, begin_s, slower)
+        early = play(fleet, lamps, lights, paths, begin_s, slower)
     finally:
         for name in names:
             lamps.show(name, OFF)

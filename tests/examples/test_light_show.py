@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.example_programs import light_show
+from support.example_programs import light_programs, light_show
 
 from rcopterx import RefusedError
 from rcopterx.bus.session import RequestFailedError
@@ -201,17 +201,17 @@ class FakeFleet:
         return SimpleNamespace(agent=agent, agent_age_s=self.age_s)
 
 
-RED_TO_BLUE = skybrush.Lights(np.array([0.0, 10.0]), np.array([[250.0, 0.0, 0.0], [0.0, 0.0, 250.0]]))
+RED_TO_BLUE = light_programs.Lights(np.array([0.0, 10.0]), np.array([[250.0, 0.0, 0.0], [0.0, 0.0, 250.0]]))
 
 
 def played(fleet: FakeFleet, slower: float = 1.0, begin_s: float = 0.0) -> list[str]:
     """Play ten seconds of lights that fade from red to blue; who leaves early."""
     names = list(fleet._vehicles)
-    drone = skybrush.Drone("a", np.array([0.0, 10.0]), np.zeros((2, 3)), STILL, RED_TO_BLUE)
+    drone = skybrush.Drone("a", np.array([0.0, 10.0]), np.zeros((2, 3)), STILL)
     path = light_show.path_of(drone, 0.0, 10.0, slower)
     lamps = light_show.Lamps(fleet, names)
     return light_show.play(
-        fleet, lamps, dict.fromkeys(names, drone), dict.fromkeys(names, path), begin_s, slower
+        fleet, lamps, dict.fromkeys(names, RED_TO_BLUE), dict.fromkeys(names, path), begin_s, slower
     )
 
 
@@ -279,7 +279,7 @@ def test_colours_are_sent_only_when_they_have_changed(left_s: list[float]) -> No
 
 def test_a_drone_without_lights_is_dark() -> None:
     drone = skybrush.Drone("a", np.array([0.0, 10.0]), np.zeros((2, 3)), STILL)
-    assert light_show.colour_of(drone, 1.0) == (0, 0, 0)
+    assert light_show.colour_of(light_programs.played(drone), 1.0) == (0, 0, 0)
 
 
 @pytest.mark.parametrize(("turns", "refused"), [(1.0, False), (4.0, True)])

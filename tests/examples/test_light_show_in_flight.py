@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from examples_support import fleet_file
-from support.example_programs import light_show
+from support.example_programs import light_programs, light_show
 
 from rcopterx.bus import channels
 from rcopterx.fleet.reading import at_speed, load_fleet
@@ -82,7 +82,7 @@ def check(watched: Watched, drone: Drone) -> None:
     assert len(begun) > 20
     for at_s, colours, _ in begun:
         show_s = np.linspace(drone.times_s[0] + at_s - 1.0 - LATE_S, drone.times_s[0] + at_s - 1.0, 7)
-        allowed = np.array([light_show.colour_of(drone, each_s) for each_s in show_s])
+        allowed = np.array([light_show.colour_of(light_programs.played(drone), each_s) for each_s in show_s])
         assert (allowed.min(axis=0) - 5 <= colours["h1"]).all()
         assert (allowed.max(axis=0) + 5 >= colours["h1"]).all()
     paused = watched.between(SUSPEND_S + EASED_S, RESUME_S)

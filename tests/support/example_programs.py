@@ -10,9 +10,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 FOLDERS = [str(EXAMPLES), str(EXAMPLES / "light_show"), str(EXAMPLES / "rotation")]
 sys.path[:0] = FOLDERS
 import gamepad  # noqa: E402
+import light_programs  # noqa: E402
 import light_show  # noqa: E402
 import rotation  # noqa: E402
 
 del sys.path[: len(FOLDERS)]
 
-__all__ = ["EXAMPLES", "gamepad", "light_show", "rotation"]
+__all__ = ["EXAMPLES", "gamepad", "light_programs", "light_show", "rotation"]

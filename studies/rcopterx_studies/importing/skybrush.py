@@ -3,7 +3,8 @@
 A `.skyc` file is a zip archive. Its `show.json` lists the drones (`swarm.drones[].settings`), each with a
 trajectory, and maybe lights and a heading, of version 1, in place or by reference to another file. Keyframes
 of a trajectory are seconds after the take-off, position in metres, and the inner control points of the Bezier
-curve that leads there: none (a straight line) to six. Lights, byte code, and headings begin with the show.
+curve that leads there: none (a straight line) to six. Lights, byte code that `examples/light_show` plays, and
+headings begin with the show.
 """
 
 import base64
@@ -11,7 +12,6 @@ import codecs
 import json
 import math
 import posixpath
-import re
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -36,26 +36,10 @@ COLUMNS: Final = ("time [ms]", "x [m]", "y [m]", "z [m]", "red", "green", "blue"
 SHOW: Final = "show.json"
 PARTS: Final = ("trajectory", "lights", "yawControl")  # of the settings of a drone
 MAC_FOLDER: Final = "__MACOSX"
-TICK_S: Final = 0.02  # of light programs
-MAX_COMMANDS: Final = 100_000  # that a light program runs
-END, WAIT_UNTIL, SET_COLOUR, FADE_TO_COLOUR, LOOP_BEGIN, LOOP_END, RESET_TIMER = 0, 3, 4, 8, 12, 13, 14
-NUMBER: Final = rb"([\x80-\xff]{0,4}[\x00-\x7f])"  # seven bits of each byte, the lowest first
-ARGUMENTS: Final = {  # bytes, and for commands of a duration or time a number of up to five
-    code: re.compile(b"(.{%d})" % count + (NUMBER if 2 <= code < 12 else b"()"), re.DOTALL)
-    for count, codes in ((0, (0, 1, 2, 3, 6, 7, 10, 11, 13, 14)), (1, (5, 9, 12, 20, 21)), (3, (4, 8)))
-    for code in codes
-}
 
 
 class ShowError(FleetError):
     """The file is no valid show; the text names the wrong part."""
-
-
-class Lights(NamedTuple):
-    """Colours over the time of a show: they fade in between, and change at once where two have one time."""
-
-    times_s: Array  # not decreasing, shape (n,)
-    colours: Array  # red, green, blue, 0 to 255, shape (n, 3)
 
 
 class Drone(NamedTuple):
@@ -65,7 +49,7 @@ class Drone(NamedTuple):
     times_s: Array  # since the beginning of the show, increasing, shape (n,)
     positions_m: Array  # shape (n, 3)
     yaws_rad: Array  # counter-clockwise from the x axis, with whole turns, shape (n,)
-    lights: Lights | None = None
+    lights: bytes | Array | None = None  # a light program of Skybrush, or red, green, blue at each time
 
 
 class _Archive:
@@ -158,8 +142,8 @@ def _drone_of_settings(archive: _Archive, settings: dict[str, Any], number: int)
         times_s, positions_m = _sampled(trajectory["points"])
         times_s += float(trajectory.get("takeoffTime", 0.0))
         yaws_rad = _yaws_rad(heading, times_s, positions_m)
-        played = lights_of(base64.b64decode(lights["data"])) if lights else None
-    return _checked(Drone(name, times_s, positions_m, yaws_rad, played))
+        program = base64.b64decode(lights["data"]) if lights else None
+    return _checked(Drone(name, times_s, positions_m, yaws_rad, program))
 
 
 def _part(archive: _Archive, settings: dict[str, Any], name: str) -> dict[str, Any]:
@@ -183,35 +167,6 @@ def _yaws_rad(control: dict[str, Any], times_s: Array, positions_m: Array) -> Ar
     if (np.diff(at_s) <= 0).any():
         raise ValueError("times of the headings must increase")
     return np.asarray(-np.radians(np.interp(times_s, at_s, clockwise_deg)))
-
-
-def lights_of(program: bytes) -> Lights:
-    """Run a light program for `MAX_DURATION_S` at most; raises `ValueError`."""
-    loops: list[tuple[int, int]] = []  # where they begin, and how often they still run, 0 for ever
-    changes = [(0, bytes(3))]
-    at = ticks = timer = 0
-    for _ in range(MAX_COMMANDS):
-        code = program[at] if at < len(program) else END
-        if code not in ARGUMENTS or (found := ARGUMENTS[code].match(program, at + 1)) is None:
-            raise ValueError(f"command {code} at byte {at} of the light program cannot be played")
-        if code == END or TICK_S * ticks > MAX_DURATION_S:
-            times, colours = zip(*changes, strict=True)
-            return Lights(TICK_S * np.array(times), np.array([*map(list, colours)], dtype=float))
-        at, values, number = found.end(), found[1], sum((b & 127) << 7 * i for i, b in enumerate(found[2]))
-        if SET_COLOUR <= code < LOOP_BEGIN:
-            colour = (values, 3 * values, bytes(3), 3 * b"\xff")[code % 4]
-            changes += [(ticks, changes[-1][1]), (ticks + (code >= FADE_TO_COLOUR) * number, colour)]
-        ticks = max(ticks, timer + number) if code == WAIT_UNTIL else ticks + number
-        if code == RESET_TIMER:
-            timer = ticks
-        elif code == LOOP_BEGIN:
-            loops.append((at, values[0]))
-        elif code == LOOP_END and loops:
-            begin, rounds = loops.pop()
-            if rounds != 1:
-                at = begin
-                loops.append((begin, max(0, rounds - 1)))
-    raise ValueError(f"the light program runs more than {MAX_COMMANDS} commands")
 
 
 def _sampled(points: Any) -> tuple[Array, Array]:
@@ -245,8 +200,7 @@ def _drone_of_csv(archive: _Archive, name: str) -> Drone:
     times_s, colours = 1e-3 * table[:, 0], table[:, 4:]
     if (np.abs(colours - 127.5) > 127.5).any():
         raise ShowError(f"{name}: colours are from 0 to 255")
-    lights = Lights(times_s, colours) if colours.size else None
-    return _checked(Drone(name, times_s, table[:, 1:4], 0.0 * times_s, lights))
+    return _checked(Drone(name, times_s, table[:, 1:4], 0.0 * times_s, colours if colours.size else None))
 
 
 def _numbers(row: Row, columns: Sequence[str]) -> list[float]:

@@ -13,8 +13,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support.example_programs import light_programs
 
-from rcopterx_studies.importing.skybrush import ARGUMENTS, Drone, Lights, ShowError, lights_of, read_show
+from rcopterx_studies.importing.skybrush import Drone, ShowError, read_show
+
+ARGUMENTS, Lights = light_programs.ARGUMENTS, light_programs.Lights
+lights_of, played = light_programs.lights_of, light_programs.played
 
 SHOWS = Path(__file__).parents[2] / "fixtures" / "import_skybrush"
 LONGEST_S = 5.0  # on a busy computer; 0.1 s otherwise
@@ -171,7 +175,7 @@ def program(code: bytes) -> dict[str, Any]:
 def test_lights_of_a_skyc_are_in_place_or_in_another_file(lights: dict[str, Any], tmp_path: Path) -> None:
     drone = drone_with(tmp_path, lights=lights)
     assert drone.lights is not None
-    assert shown(drone.lights, 0.5) == [255.0, 255.0, 255.0]
+    assert shown(played(drone), 0.5) == [255.0, 255.0, 255.0]
 
 
 @pytest.mark.parametrize("lights", [{}, {"lights": None}, {"lights": {}}])
@@ -200,7 +204,7 @@ def test_a_drone_may_have_no_lights(lights: dict[str, Any], tmp_path: Path) -> N
 )
 def test_lights_that_cannot_be_played_are_told(lights: Any, reason: str, tmp_path: Path) -> None:
     with pytest.raises(ShowError, match=reason):
-        drone_with(tmp_path, lights=lights)
+        played(drone_with(tmp_path, lights=lights))
 
 
 @settings(deadline=None, max_examples=30)
@@ -224,6 +228,7 @@ def test_any_json_is_a_part_of_a_drone_or_an_error(
 ) -> None:
     try:
         drone = drone_with(tmp_path_factory.mktemp("show"), **{part: content})
+        played(drone)
     except ShowError:
         return
     assert np.isfinite(drone.yaws_rad).all()
@@ -268,7 +273,7 @@ def test_colours_of_a_table_are_those_of_its_columns(tmp_path: Path) -> None:
         tmp_path, "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n0,0,0,1,255,0,7\n2000,1,0,1,0,0,7\n"
     )
     assert drone.lights is not None
-    assert shown(drone.lights, 1.0) == [127.5, 0.0, 7.0]
+    assert shown(played(drone), 1.0) == [127.5, 0.0, 7.0]
 
 
 @pytest.mark.parametrize("first", ["t,x,y,z,yaw,red,green", "t,x,y,z", "0,0,0,0,1,2,3"])
@@ -291,7 +296,7 @@ def test_colours_of_a_table_that_are_none_are_told(row: str, reason: str, tmp_pa
 def test_a_show_with_lights_and_headings_is_read() -> None:
     first, second, third = read_show(SHOWS / "lights_and_headings.skyc")
     assert first.lights is not None
-    assert [shown(first.lights, at_s) for at_s in (0.5, 3.0, 9.0)] == [
+    assert [shown(played(first), at_s) for at_s in (0.5, 3.0, 9.0)] == [
         [0.0, 0.0, 0.0], [255.0, 0.0, 0.0], [0.0, 0.0, 255.0]
     ]  # fmt: skip
     assert np.degrees(second.yaws_rad[-1]) == pytest.approx(360.0)
