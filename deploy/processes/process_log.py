@@ -71,19 +71,6 @@ def _log_exception(kind: type[BaseException], error: BaseException, traceback: T
     logging.critical("ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback))
 
 
-def stamped(lines: list[str]) -> list[str]:
-    """Lines of a log with the present time, which may be written later."""
-    now_s = time.time()
-    stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
-    return [f"{stamp} INFO {line}\n" for line in lines]
-
-
-def append(path: Path, lines: list[str]) -> None:
-    """Append stamped lines to a log; ignore a failing disk."""
-    with suppress(OSError), path.open("a", encoding="utf-8") as file:
-        file.writelines(lines)
-
-
 class LauncherLog:
     """Log of a launcher, whose loops may not wait for a disk: a thread writes it and rotates all logs."""
 
@@ -94,10 +81,13 @@ class LauncherLog:
         self._thread.start()
 
     def append(self, lines: list[str]) -> None:
-        """Queue lines."""
-        self._lines.put(stamped(lines))
+        """Queue lines, with the present time; a failing disk is ignored."""
+        now_s = time.time()
+        stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
+        self._lines.put([f"{stamp} INFO {line}\n" for line in lines])
 
     def _run(self) -> None:
+        path = self._directory / f"launcher{SUFFIX}"
         while True:
             lines: list[str] | None = []
             with suppress(Empty):
@@ -105,7 +95,8 @@ class LauncherLog:
             if lines is None:
                 return
             if lines:
-                append(self._directory / f"launcher{SUFFIX}", lines)
+                with suppress(OSError), path.open("a", encoding="utf-8") as file:
+                    file.writelines(lines)
             rotate(self._directory)
 
     def close(self) -> None:
