@@ -9,7 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from types import TracebackType
 from typing import Final, TextIO
 
 LARGEST_BYTES: Final = 1_000_000  # the content of a larger log is moved to an older one, of which one is kept
@@ -64,11 +63,9 @@ def set_up() -> None:
     formatter.converter = time.gmtime
     handler.setFormatter(formatter)
     logging.basicConfig(level=logging.INFO if supervised else logging.WARNING, handlers=[handler], force=True)
-    sys.excepthook = _log_exception
-
-
-def _log_exception(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    logging.critical("ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback))
+    sys.excepthook = lambda kind, error, traceback: logging.critical(
+        "ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback)
+    )
 
 
 class LauncherLog:
