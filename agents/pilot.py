@@ -21,7 +21,6 @@ from rcopterx.agents.flight.sign_proof import PROOF_M, SETTLING_S, SignProof
 from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputHistory, as_sent
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
-from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.separation.avoidance import NeighbourPlan, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator
@@ -186,10 +185,6 @@ class Pilot:
             self._lift_off.begin(time_s + self.lift_off_delay_s, float(self.estimate.motion[Z]))
             self.vehicle_watch.begin()
         return refusal
-
-    def limit_time(self, limit: TimeLimit) -> None:
-        """Set the time limit of steps of controllers and calls of estimators."""
-        self.step_guard.calls.limit = self.estimator.calls.limit = limit
 
     def use_model(self, model: Model, default: Controller, default_estimator: Estimator) -> None:
         """Change to another model, and defaults for it; a controller and an estimator have to follow."""

@@ -57,7 +57,7 @@ class Agent:
         self._settings, self._pilot, self._bus = settings, pilot, bus
         self._stopwatch = stopwatch or settings.bus.clock.now
         self._limit = NotedTimeLimit(limit or TimeLimit())
-        pilot.limit_time(self._limit)
+        pilot.step_guard.calls.limit = pilot.estimator.calls.limit = self._limit
         self._build_parts(realtime)
         self.serving_since_s = math.inf
         """Since when the agent accepts requests for the vehicle [monotonic s]; infinite before."""

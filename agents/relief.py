@@ -94,7 +94,7 @@ class LoadRelief:
         if relief > self.relief:
             self.events[f"left_out_{relief.name.lower()}"] += 1
         self.relief = relief
-        self.bus.publish_steps(relief < Relief.REPORTS)
+        self.bus.publishing = relief < Relief.REPORTS
         self.traffic.most = NEAREST if relief >= Relief.REPORTS else MOST
         self._pace(flying=False)
 

@@ -9,7 +9,6 @@ from contextlib import ExitStack
 from typing import Final
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.clock import REAL_TIME, Clock
@@ -19,6 +18,7 @@ from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.keys import probe_key
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.subscription import callback_of
 
 REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
 """Zenoh's log of refused connections and certificates."""
@@ -76,7 +76,7 @@ def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:
             query.reply(key, payload)
 
     key = channels.request_key(identity.fleet, identity.host, "identify")
-    session.declare_queryable(key, Callback(answer, indirect=False), complete=True)
+    session.declare_queryable(key, callback_of(answer, None), complete=True)
 
 
 CONTENT: Final = b"probe"  # `rcopterx doctor` sends messages without content on the same key
@@ -89,12 +89,8 @@ def probe_until(ended: int, config: zenoh.Config, key: str, period_s: float, hea
     # Two sessions: nothing is routed back to its sender.
     sender, receiver = (open_session(config) for _ in range(2))
     returned = threading.Event()
-
-    def on_return(_: zenoh.Sample) -> None:
-        returned.set()
-
     with sender, receiver:
-        receiver.declare_subscriber(key, Callback(on_return, indirect=False))
+        receiver.declare_subscriber(key, callback_of(lambda _: returned.set(), None))
         publisher = sender.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )

@@ -10,7 +10,6 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.attachments import attached, number_of, sent_at
@@ -291,7 +290,7 @@ class Session(AbstractContextManager["Session"]):
                 store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), arrived_s, number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
-        self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False))
+        self._zenoh.declare_subscriber(pattern, callback_of(on_sample, None))
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Accept requests for a unit; they wait in `pending` until the loop answers them."""

@@ -61,7 +61,7 @@ class StepBus:
         self._now_s = self._began_s = session.clock()
         self._waiting: deque[_Input] = deque(maxlen=MAX_WAITING)
         self._subscriptions = 0
-        self._publishing = True
+        self.publishing = True  # whether steps are published; others leave a gap in the numbers
         self._number = 0
         # Everything below is of the steps that have not been published yet.
         self._begins_s: list[float] = []
@@ -104,7 +104,7 @@ class StepBus:
         self._overtime += [(len(self._begins_s) - 1, *given_up) for given_up in overtime]
         if estimate is None and len(self._begins_s) < STEPS_PER_MESSAGE:
             return
-        if self._publishing:
+        if self.publishing:
             steps = self._message(None if estimate is None else RoundedEstimate.of(estimate))
             self._session.publish(channels.AGENT_STEPS, vehicle, steps)
         self._number += 1
@@ -126,10 +126,6 @@ class StepBus:
             replies=tuple(self._replies),
             estimate=estimate,
         )
-
-    def publish_steps(self, enabled: bool) -> None:
-        """Switch the publication of steps on or off; steps in between leave a gap in the numbers."""
-        self._publishing = enabled
 
     def note(self, event: str) -> None:
         """Let an event inside the process take effect with the next step. Any thread may call this."""

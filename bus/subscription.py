@@ -148,8 +148,7 @@ OnArrival = Callable[[Inbox[Any], bytes], None]  # called on the receive thread 
 
 def callback_of(on_arrival: Callable[[Any], None], held: "LockstepInbox | None") -> "Callback[Any]":
     """Return what Zenoh calls with a sample or a query; in lockstep it waits for its turn."""
-    called = on_arrival if held is None else partial(held.hold, on_arrival)
-    return Callback(called, indirect=False)
+    return Callback(on_arrival if held is None else partial(held.hold, on_arrival), indirect=False)
 
 
 class Subscription(Inbox[M]):

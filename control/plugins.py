@@ -86,11 +86,6 @@ class Registry(Generic[Part]):
         """Return the names that `load` and `build` accept, sorted; imports nothing."""
         return sorted({*self.built_in, *(point.name for point in self._installed())})
 
-    def built_in_module(self, name: str) -> str | None:
-        """Return the module of a built-in name, None for any other name."""
-        path = self.built_in.get(name)
-        return None if path is None else path.partition(":")[0]
-
     def load(self, name: str) -> PartClass[Part]:
         """Import the class of a name.
 

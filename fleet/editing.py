@@ -1,7 +1,5 @@
 """Writes calibrations and models into a fleet file; comments stay, and the file is replaced as a whole."""
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from rcopterx.fleet.radios import calibration_of
 from rcopterx.fleet.reading import SUFFIX, load_fleet, parse_fleet, shipped_fleets, text_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.places import replace_file
 from rcopterx.radios.calibration import Calibration
 from rcopterx.vehicles.model import Model, fitted_parameters
 
@@ -101,15 +100,6 @@ def check_own(path: Path) -> None:
 
 
 def _replace(path: Path, text: str) -> None:
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        line_end = "\r\n" if b"\r\n" in path.read_bytes() else "\n"
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline=line_end) as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, path.stat().st_mode & 0o7777)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    line_end, mode = "\r\n" if b"\r\n" in path.read_bytes() else "\n", path.stat().st_mode & 0o7777
+    replace_file(path, text.replace("\n", line_end).encode(), mode)
+    path.chmod(mode)

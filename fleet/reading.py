@@ -35,12 +35,7 @@ SUFFIX = ".json"
 
 def write_snapshot(fleet: FleetFile, path: Path) -> None:
     """Write a fleet file with its defaults, so that later changes of the file have no effect."""
-    replace_file(path, encoded(fleet))
-
-
-def encoded(fleet: FleetFile) -> bytes:
-    """Return the content of a snapshot."""
-    return msgspec.json.encode(fleet)
+    replace_file(path, msgspec.json.encode(fleet))
 
 
 def snapshot_of(content: bytes | str) -> FleetFile:

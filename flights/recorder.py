@@ -43,8 +43,7 @@ class Gaps:
 class Waiting:
     """Messages between the threads that receive them and the one that writes them."""
 
-    def __init__(self, limit_bytes: int = MAX_WAITING_BYTES) -> None:
-        self._limit_bytes = limit_bytes
+    def __init__(self) -> None:
         self._messages: deque[RawMessage] = deque()
         self._stored_bytes = 0
         self._taken_bytes = 0
@@ -52,7 +51,7 @@ class Waiting:
 
     def store(self, message: RawMessage) -> None:
         """Keep a message; called on receive threads."""
-        if self._stored_bytes - self._taken_bytes > self._limit_bytes:
+        if self._stored_bytes - self._taken_bytes > MAX_WAITING_BYTES:
             self.dropped += 1
             return
         self._stored_bytes += len(message.payload)

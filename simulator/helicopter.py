@@ -64,18 +64,6 @@ class Surroundings(NamedTuple):
     volume_max_m: Three
 
 
-class Flight(NamedTuple):
-    """Result of `fly`."""
-
-    steps: int
-    state: HelicopterState
-    yaw_rad: float  # heading, unwrapped
-    time_s: float
-    hover_seconds_used: float
-    landed: bool
-    left_volume: bool
-
-
 _THREE: Final = together(*3 * [NUMBER])
 _SURROUNDINGS: Final = record(Surroundings, *5 * [NUMBER], together(NUMBER, NUMBER), _THREE, _THREE)
 
@@ -105,8 +93,11 @@ def fly(
     turbulence: HeldNoise,
     step_s: float,
     count: int,
-) -> Flight:
-    """Fly `count` steps, or until the floor; `start` is state, heading, time and hover seconds used."""
+) -> tuple[int, tuple[HelicopterState, float, float, float], bool, bool]:
+    """Fly `count` steps, or until the floor, from state, unwrapped heading, time and hover seconds used.
+
+    Returns the number of steps, the same at their end, whether it landed, and whether it left the volume.
+    """
     state, yaw_rad, time_s, used_s = start
     landed, left_volume = False, False
     low, high = around.volume_min_m, around.volume_max_m
@@ -129,7 +120,7 @@ def fly(
         left_volume = left_volume or not inside
         time_s += step_s
         steps += 1
-    return Flight(steps, state, yaw_rad, time_s, used_s, landed, left_volume)
+    return steps, (state, yaw_rad, time_s, used_s), landed, left_volume
 
 
 class Servo:
@@ -250,10 +241,12 @@ class Helicopter(Plant):
         if self._weather is not None:
             turbulence = self._weather.between(self.time_s, self.time_s + count * step_s)
         start = self.state, self._yaw_rad, self.time_s, self._hover_seconds_used
-        flight = fly(self._airframe, start, self._controls, around, turbulence, step_s, count)
-        self.state, self._yaw_rad, self.time_s = flight.state, flight.yaw_rad, flight.time_s
-        self._use_battery(flight.hover_seconds_used - self._hover_seconds_used)
-        self.left_volume = self.left_volume or flight.left_volume
-        if flight.landed:
-            self._touch_down(-flight.state.vz)
-        return flight.steps
+        steps, end, landed, left_volume = fly(
+            self._airframe, start, self._controls, around, turbulence, step_s, count
+        )
+        self.state, self._yaw_rad, self.time_s, used_s = end
+        self._use_battery(used_s - self._hover_seconds_used)
+        self.left_volume = self.left_volume or left_volume
+        if landed:
+            self._touch_down(-self.state.vz)
+        return steps

@@ -59,8 +59,7 @@ class Simulator:
         self._vehicle_faults.advance(now_s)
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
-            published = self._tracker.publish(self._room.capture(self._frame))
-            truth = self._truth(published.frame, published.sent_s)
+            truth = self._truth(*self._tracker.publish(self._room.capture(self._frame)))
             self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, truth)
             self._frame += 1
             self._frame_at_s += self._period_s

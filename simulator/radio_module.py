@@ -153,7 +153,7 @@ class RadioModule(ABC):
             time_s, handler = min(self._timers(), key=lambda timer: timer[0])
             burst_s = self._input.next_end_s()
             if burst_s <= time_s:
-                time_s, handler = burst_s, self._take_burst
+                time_s, handler = burst_s, lambda _now_s: self._on_burst(*self._input.take())
             if time_s > now_s:
                 break
             handler(time_s)
@@ -165,9 +165,6 @@ class RadioModule(ABC):
         """Return and forget the packets sent since the last call."""
         packets, self._packets = self._packets, []
         return packets
-
-    def _take_burst(self, _now_s: float) -> None:
-        self._on_burst(*self._input.take())
 
     def _reset_line(self) -> None:
         self._input = SerialInput(self._input.byte_s, self._input.end_of_frame_s)

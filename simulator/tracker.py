@@ -4,7 +4,6 @@ import selectors
 import socket
 import time
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
 
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_faults import TrackerFaults
@@ -15,14 +14,6 @@ from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode
 
 MAX_BACKLOG_BYTES = 1024 * 1024
 WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)
-
-
-class Published(NamedTuple):
-    """Result of publishing a frame: its id on the wire, number of clients, time before its first byte."""
-
-    frame: int
-    sent_s: float
-    clients: int
 
 
 class TrackerServer:
@@ -54,7 +45,6 @@ class TrackerServer:
         self._burst_left = 0
         self.accepted = 0  # connections so far
         self.dropped = 0  # frames that a client did not get because it reads too slowly
-        self.rejected = 0  # connections that ended because the client sent malformed bytes
         self._listener = socket.create_server((host, port), backlog=16)
         self._selector = selectors.EpollSelector()
         self._listener.setblocking(False)
@@ -97,8 +87,11 @@ class TrackerServer:
         self._advance(self._clock())
         self._flush()
 
-    def publish(self, frame: TrackerFrame) -> Published:
-        """Send a frame to every client it is due for; `ValueError` for two bodies of one name."""
+    def publish(self, frame: TrackerFrame) -> tuple[int, float]:
+        """Send a frame to every client it is due for; `ValueError` for two bodies of one name.
+
+        Returns its id on the wire and the time before its first byte.
+        """
         if len({body.name for body in frame.bodies}) < len(frame.bodies):
             raise ValueError(f"frame {frame.frame}: two bodies have the same name")
         self._advance(self._clock())
@@ -110,7 +103,7 @@ class TrackerServer:
         packets = self._packets(content)
         sent_s = self._clock()
         self._dispatch(packets, sent_s)
-        return Published(frame.frame, sent_s, len(packets))
+        return frame.frame, sent_s
 
     def apply(self, fault: faults.TrackerFault) -> None:
         """Start a fault now; raises `FaultError` when it cannot be carried out."""
@@ -158,10 +151,7 @@ class TrackerServer:
                 self._drop(client)
         except BlockingIOError:
             return
-        except WireError:
-            self.rejected += 1
-            self._drop(client)
-        except OSError:
+        except (WireError, OSError):
             self._drop(client)
 
     def answer(self, client: TrackerLink, data: bytes) -> None:

@@ -55,13 +55,9 @@ def _alike(entries: Sequence[ListPortInfo]) -> dict[str, tuple[str, ...]]:
     return {
         number: tuple(sorted(str(entry.device) for entry in alike))
         for number, alike in found.items()
-        if len({_adapter_of(entry) for entry in alike}) > 1
+        # Places on the USB, without the interface of an adapter with several ports.
+        if len({str(entry.location or entry.device).partition(":")[0] for entry in alike}) > 1
     }
-
-
-def _adapter_of(entry: ListPortInfo) -> str:
-    """Place of an adapter on the USB, without the interface of one with several ports."""
-    return str(entry.location or entry.device).partition(":")[0]
 
 
 def _stable_name(device: str, directories: tuple[Path, ...]) -> str:

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, Kill, Lease, TransmitterStatus
 from rcopterx.bus.requests import Reply, SetLight
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
-from rcopterx.bus.subscription import Received, Subscription
+from rcopterx.bus.subscription import Received
 from rcopterx.transmitter_gateway.inputs import (
     NAMES,
     Action,
@@ -35,12 +35,8 @@ class TransmitterNode:
         self.transmitter = transmitter
         self._session = session
         self._realtime = realtime
-        self._commands: Subscription[Command] = session.subscribe(
-            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
-        )
-        self._bids: Subscription[LeaseBid] = session.subscribe(
-            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT
-        )
+        self._commands = session.subscribe(channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT)
+        self._bids = session.subscribe(channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT)
         self._published_lease = 0
         self._reported_state = State.DISARMED
         self._written_cause = NO_CAUSE

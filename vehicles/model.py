@@ -209,7 +209,7 @@ class Model:
         for name in ("lag_s", "delay_s"):
             if np.min(getattr(self, name)) < 0:
                 raise ValueError(f"{name}: must not be below 0, got {getattr(self, name)}")
-        if self.yaw_behind_rotors and not self.lag_s[U_YAW] > 0:
+        if (self.yaw_gyro or self.thrust_coupling) and not self.lag_s[U_YAW] > 0:
             raise ValueError(f"lag_s: a yaw of rotors needs a lag above 0, got {self.lag_s[U_YAW]}")
         for kind in ("input", "state"):
             low, high = getattr(self, f"{kind}_min"), getattr(self, f"{kind}_max")
@@ -237,11 +237,6 @@ class Model:
         """The part of the damping that acts at once, without passing a lag [1/s]."""
         k_x, k_y, k_z, k_yaw = self.damping
         return k_x, k_y, k_z, 0.0 if self.yaw_gyro else k_yaw
-
-    @cached_property
-    def yaw_behind_rotors(self) -> bool:
-        """Whether anything but the yaw stick itself passes the yaw's lag."""
-        return self.yaw_gyro or self.thrust_coupling != 0.0
 
     @cached_property
     def rate_feedback(self) -> Four:

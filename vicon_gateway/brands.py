@@ -27,7 +27,7 @@ from typing import Any
 import msgpack
 import msgspec
 
-from rcopterx.vicon_gateway.client import ClientLimits, FrameClient, LibraryMissingError
+from rcopterx.vicon_gateway.client import ClientLimits, FrameClient, LibraryMissingError, LinkError
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.rotations import MAX_POSITION_MM
 
@@ -97,10 +97,6 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     error: str
 
 
-class _ChildError(Exception):
-    """The child has failed; the text is the reason."""
-
-
 class _Child:
     """The child process and the messages it has written."""
 
@@ -127,7 +123,7 @@ class _Child:
         self._poller.register(self._pipe, select.POLLIN)
 
     def read(self, timeout_s: float) -> list[Seen]:
-        """Wait for messages and return all that are there; raises `_ChildError` when none will come."""
+        """Wait for messages and return all that are there; raises `LinkError` when none will come."""
         self._poller.poll(math.ceil(timeout_s * 1000.0))
         found: list[Seen] = []
         for _ in range(MOST_READS):
@@ -138,7 +134,7 @@ class _Child:
             if not data:
                 if found:
                     break  # the next call meets the end again
-                raise _ChildError(f"its process ended with code {self._process.wait()}")
+                raise LinkError(f"its process ended with code {self._process.wait()}")
             found += self._messages(data)
         return found
 
@@ -157,10 +153,10 @@ class _Child:
             for plain in self._unpacker:
                 message = msgspec.convert(plain, Seen | Failed)
                 if isinstance(message, Failed):
-                    raise _ChildError(message.error)
+                    raise LinkError(message.error)
                 found.append(message)
         except (ValueError, msgpack.UnpackException, msgspec.ValidationError) as error:
-            raise _ChildError(f"its process sends a malformed message: {error}") from error
+            raise LinkError(f"its process sends a malformed message: {error}") from error
         return found
 
 
@@ -183,22 +179,10 @@ class BrandClient(FrameClient):
         self._child: _Child | None = None
         self._subjects: dict[str, None] = {}
 
-    def close(self) -> None:
-        """End the child; `next_frame` returns None from now on."""
-        self._kill()
-        self._name = "closed"
+    def _reason(self, error: Exception) -> str:
+        return f"{self._settings.brand}: {error}"
 
-    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        try:
-            return self._wait(give_up_s, now_s)
-        except (_ChildError, OSError) as error:
-            self._last_error = f"{self._settings.brand}: {error}"
-            self._kill()
-            self._pause()
-            return None
-
-    def _wait(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        timeout_s = self._wait_s(give_up_s, now_s)
+    def _advance(self, timeout_s: float) -> CapturedFrame | None:
         if self._child is None:
             if timeout_s > 0.0:
                 time.sleep(timeout_s)
@@ -216,7 +200,7 @@ class BrandClient(FrameClient):
                 if self._name == "connecting"
                 else self._silence_limit_s(self._period_s)
             )
-            raise _ChildError(f"no frame for {limit_s:.3g} s")
+            raise LinkError(f"no frame for {limit_s:.3g} s")
         return None
 
     def _start(self) -> None:
@@ -248,7 +232,7 @@ class BrandClient(FrameClient):
         scale = math.copysign(1.0 / norm, w)
         return SubjectPose(name, False, body.position_m, (x * scale, y * scale, z * scale, w * scale), None)
 
-    def _kill(self) -> None:
+    def _hang_up(self, reason: str) -> None:  # noqa: ARG002 - nothing records it
         if self._child is not None:
             self._child.kill()
             self._child = None

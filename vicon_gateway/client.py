@@ -61,8 +61,8 @@ class LibraryMissingError(ValueError):
     """The library `motioncapture` is not installed."""
 
 
-class _LinkError(Exception):
-    """The connection has failed; the text is the reason."""
+class LinkError(Exception):
+    """The connection to a source of frames has failed; the text is the reason."""
 
 
 class FrameClient(ABC):
@@ -112,32 +112,45 @@ class FrameClient(ABC):
                 return None
         return None
 
-    def _wait_s(self, give_up_s: float, now_s: float) -> float:
-        return max(0.0, min(give_up_s, self._deadline_s) - now_s) / self._speed
+    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
+        """Wait for one event at most until `give_up_s` and handle it; a failure begins a pause."""
+        try:
+            return self._advance(max(0.0, min(give_up_s, self._deadline_s) - now_s) / self._speed)
+        except (LinkError, WireError, OSError) as error:
+            self._last_error = self._reason(error)
+            self._hang_up(self._last_error)
+            self._name = "waiting"
+            self._deadline_s = self._clock() + self._pause_s
+            self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
+            return None
 
     @abstractmethod
-    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        """Wait for one event at most until `give_up_s` and handle it."""
+    def _advance(self, timeout_s: float) -> CapturedFrame | None:
+        """Wait for one event and handle it; raises `LinkError`, `WireError` or `OSError`."""
+
+    @abstractmethod
+    def _reason(self, error: Exception) -> str:
+        """Why the connection has failed."""
+
+    @abstractmethod
+    def _hang_up(self, reason: str) -> None:
+        """End the connection, if there is one."""
 
     @property
     def descriptors(self) -> tuple[int, ...]:
         """What becomes readable when a frame arrives, for a client that reads by itself."""
         return ()
 
-    @abstractmethod
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""
+        self._hang_up("closed by the user")
+        self._name = "closed"
 
     def _received(self, now_s: float, period_s: float) -> None:
         """Note that a frame has been received."""
         self._name = "up"
         self._pause_s = self._limits.retry_min_s
         self._deadline_s = now_s + self._silence_limit_s(period_s)
-
-    def _pause(self) -> None:
-        self._name = "waiting"
-        self._deadline_s = self._clock() + self._pause_s
-        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
 
     def _silence_limit_s(self, period_s: float) -> float:
         return max(self._limits.silence_periods * period_s, self._limits.silence_min_s)
@@ -183,24 +196,15 @@ class DataStreamClient(FrameClient):
             frame = super().next_frame(0.0)
         return frame
 
-    def close(self) -> None:
-        """End the connection; `next_frame` returns None from now on."""
-        self._hang_up("closed by the user")
-        self._name = "closed"
-
-    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        timeout_s = self._wait_s(give_up_s, now_s)
-        try:
-            if self._socket is not None and self._name != "connecting":
-                return self._exchange(self._socket, timeout_s)
-            if self._name == "waiting":
-                self._wait(timeout_s)
-            elif self._name == "resolving":
-                self._resolve(timeout_s)
-            else:
-                self._connect(timeout_s)
-        except (_LinkError, WireError, OSError) as error:
-            self._fail(error)
+    def _advance(self, timeout_s: float) -> CapturedFrame | None:
+        if self._socket is not None and self._name != "connecting":
+            return self._exchange(self._socket, timeout_s)
+        if self._name == "waiting":
+            self._wait(timeout_s)
+        elif self._name == "resolving":
+            self._resolve(timeout_s)
+        else:
+            self._connect(timeout_s)
         return None
 
     def _wait(self, pause_s: float) -> None:
@@ -218,10 +222,10 @@ class DataStreamClient(FrameClient):
             address = self._lookup.result(timeout_s)
         except TimeoutError:
             if self._clock() >= self._deadline_s:
-                raise _LinkError(f"host {self._host!r}: no answer to the look-up") from None
+                raise LinkError(f"host {self._host!r}: no answer to the look-up") from None
             return
         except OSError as error:
-            raise _LinkError(f"host {self._host!r}: {error}") from None
+            raise LinkError(f"host {self._host!r}: {error}") from None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._poller, self._events = select.poll(), 0
@@ -236,7 +240,7 @@ class DataStreamClient(FrameClient):
         assert self._socket is not None
         if not self._poll(self._socket, select.POLLOUT, timeout_s):
             if self._clock() >= self._deadline_s:
-                raise _LinkError(f"no answer within {self._limits.connect_s} s (wrong address? firewall?)")
+                raise LinkError(f"no answer within {self._limits.connect_s} s (wrong address? firewall?)")
             return
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code != 0:
@@ -266,7 +270,7 @@ class DataStreamClient(FrameClient):
         elif self._session.offer is not None and not had_offer:
             self._deadline_s = now_s + self._limits.connect_s
         elif now_s >= self._deadline_s:
-            raise _LinkError(self._silence())
+            raise LinkError(self._silence())
         return frame
 
     def _receive(self, link: socket.socket) -> float:
@@ -280,7 +284,7 @@ class DataStreamClient(FrameClient):
             if not data:
                 if drained:
                     break  # data before the end is delivered first; the next call meets the end again
-                raise _LinkError("the server closed the connection")
+                raise LinkError("the server closed the connection")
             if drained:
                 now_s = self._clock()
             drained += len(data)
@@ -302,12 +306,9 @@ class DataStreamClient(FrameClient):
             return f"no frame with segments within {self._limits.connect_s} s after the selection"
         return f"no frame for {self._silence_limit_s(self._session.period_s):.3g} s"
 
-    def _fail(self, error: Exception) -> None:
-        if isinstance(error, WireError):
-            self._counters.rejected += 1
-        self._last_error = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        self._hang_up(self._last_error)
-        self._pause()
+    def _reason(self, error: Exception) -> str:
+        self._counters.rejected += isinstance(error, WireError)
+        return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
     def _hang_up(self, reason: str) -> None:
         if self._socket is not None:

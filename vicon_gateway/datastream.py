@@ -5,7 +5,7 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple
+from typing import Final
 
 from msgspec import Struct
 
@@ -97,12 +97,6 @@ class StreamCounters(Struct):
     rejected: int = 0  # malformed packets, and values refused: not finite, out of range, not a rotation
 
 
-class _Subject(NamedTuple):
-    id: int
-    name: str
-    root_segment: int | None
-
-
 class DataStreamSession:
     """One connection to a DataStream server, number `connection`; `counters` outlive it."""
 
@@ -118,7 +112,7 @@ class DataStreamSession:
         self._last_frame: int | None = None
         self._pending: tuple[int, float] | None = None
         self._decoded: dict[int, list[bytes]] = {}
-        self._subjects: tuple[_Subject, ...] = ()
+        self._subjects: list[tuple[int, str, int | None]] = []  # id, name and id of the root segment
         self._segments: dict[int, tuple[sdk.Segment, ...]] = {}
         self._qualities: dict[int, float] = {}
         self._latency_s = 0.0  # without that of the network
@@ -156,7 +150,7 @@ class DataStreamSession:
         self._pending = None
         self.counters.frames += 1
         latency_s = self._latency_s + (self.network_latency_s or 0.0)
-        subjects = tuple([self._subject_pose(subject) for subject in self._subjects])
+        subjects = tuple([self._subject_pose(*subject) for subject in self._subjects])
         return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, subjects)
 
     def _next_body(self) -> bytes | None:
@@ -218,12 +212,11 @@ class DataStreamSession:
             self.counters.rejected += 1
 
     def _update_subjects(self, payloads: list[bytes]) -> None:
-        subjects = []
+        self._subjects = []
         for info in map(sdk.SubjectInfo.parse, payloads):
             # The root segment is the one whose parent is 0, whatever its name.
             roots = (segment.id for segment in info.segments if segment.parent == 0)
-            subjects.append(_Subject(info.id, info.name, next(roots, None)))
-        self._subjects = tuple(subjects)
+            self._subjects.append((info.id, info.name, next(roots, None)))
 
     def _update_axes(self, payloads: list[bytes]) -> None:
         self._y_up = bool(payloads) and sdk.ApplicationInfo.parse(payloads[0]).y_up
@@ -264,17 +257,17 @@ class DataStreamSession:
         self._last_frame = frame
         self._pending = (frame, now_s)
 
-    def _subject_pose(self, subject: _Subject) -> SubjectPose:
+    def _subject_pose(self, number: int, name: str, root_segment: int | None) -> SubjectPose:
         """Pose of a subject; it is occluded without a root segment, or with one that has no pose."""
-        quality = self._qualities.get(subject.id)
-        for segment in self._segments.get(subject.id, ()):
-            if segment.id == subject.root_segment:
+        quality = self._qualities.get(number)
+        for segment in self._segments.get(number, ()):
+            if segment.id == root_segment:
                 pose = root_pose(segment, self._y_up)
                 if pose is not None:
-                    return SubjectPose(subject.name, False, *pose, quality)
+                    return SubjectPose(name, False, *pose, quality)
                 self.counters.rejected += 1
                 break
-        return SubjectPose(subject.name, True, None, None, quality)
+        return SubjectPose(name, True, None, None, quality)
 
     def _ping(self, now_s: float) -> None:
         if self.offer is None or ObjectType.PING not in self.offer or now_s < self._ping_due_s:

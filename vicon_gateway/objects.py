@@ -258,13 +258,6 @@ class GlobalSegments(WireObject):
     segments: tuple[Segment, ...]
 
 
-def decode_object(kind: int, payload: bytes) -> WireObject | None:
-    """Decode one object; None for a type without a class here. Raises `WireError`."""
-    known = _BY_KIND.get(kind)
-    return None if known is None else known.parse(payload)
-
-
 def decode_body(body: bytes) -> list[WireObject]:
-    """Decode a packet body, other types skipped. Raises `WireError`."""
-    decoded = (decode_object(kind, payload) for kind, payload in split_objects(body))
-    return [item for item in decoded if item is not None]
+    """Decode a packet body, types without a class here skipped. Raises `WireError`."""
+    return [_BY_KIND[kind].parse(payload) for kind, payload in split_objects(body) if kind in _BY_KIND]

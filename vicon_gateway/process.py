@@ -188,7 +188,19 @@ class TrackerGateway:
             publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
             poses = self._subjects.update(frame)
             for vehicle, subject in poses:
-                publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
+                pose = Pose(
+                    epoch=stamp.epoch,
+                    frame=stamp.frame,
+                    period_s=frame.period_s,
+                    latency_s=latency_s,
+                    received_s=frame.received_s,
+                    occluded=subject.occluded,
+                    position_m=subject.position_m,
+                    quaternion_xyzw=subject.quaternion_xyzw,
+                    quality=subject.quality,
+                    host=self._host,
+                )
+                publish(channels.POSE, vehicle, pose)
                 if self._pose_sender is not None:
                     self._pose_sender.send(vehicle, subject, frame.received_s)
             if self._subject_plans is not None:
@@ -250,24 +262,6 @@ class TrackerGateway:
         if self._recording is None:
             return ""
         return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
-
-
-def pose_message(
-    frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, latency_s: float, host: str | None
-) -> Pose:
-    """Bus message of one subject in one frame, with the reported latency; the host is the gateway's."""
-    return Pose(
-        epoch=stamp.epoch,
-        frame=stamp.frame,
-        period_s=frame.period_s,
-        latency_s=latency_s,
-        received_s=frame.received_s,
-        occluded=subject.occluded,
-        position_m=subject.position_m,
-        quaternion_xyzw=subject.quaternion_xyzw,
-        quality=subject.quality,
-        host=host,
-    )
 
 
 def run_tracker_gateway(settings: TrackerSettings) -> None:

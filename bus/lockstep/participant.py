@@ -259,8 +259,7 @@ class LockstepInbox:
     def __init__(self, owner: Participant, number: int, key: str, *, waking: bool) -> None:
         self._owner, self._number, self._since_s = owner, number, owner.page.now()
         self._waking = waking
-        self._before, self._any, self._after = key.partition("*")
-        self._slashes = key.count("/")
+        self._key = zenoh.KeyExpr(key)
         self._received: dict[int, int] = {}
         self._counters: dict[int, SentCounter] = {}
         self._awaited = -1  # index of the counter that this process waits for
@@ -280,11 +279,7 @@ class LockstepInbox:
 
     def await_counter(self, index: int, counter: SentCounter, *, beyond: bool) -> None:
         """Wait for what another process sends, only beyond what it has sent if so requested."""
-        name, before, after = counter.name.decode(), self._before, self._after
-        matches = name == before
-        if self._any:
-            matches = name.startswith(before) and name.endswith(after) and name.count("/") == self._slashes
-        if matches and counter.owner != self._owner.index:
+        if counter.owner != self._owner.index and self._key.includes(counter.name.decode()):
             self._received.setdefault(index, counter.count if beyond else 0)
             self._counters[index] = counter
             if self._waking:

@@ -7,7 +7,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -24,21 +24,6 @@ _MOST_SUDDEN: Final = 4  # so many sudden poses in a row that do not agree are r
 _SPEED_FACTOR: Final = 2.0
 _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
-
-
-class Verdict(NamedTuple):
-    """What to do with a pose.
-
-    `offset`, shape (4,), is where the poses are from where the estimate is. If the pose is accepted, the
-    estimate moves there, else it follows the motion of the poses in parallel.
-    """
-
-    accepted: bool
-    offset: Array | None = None
-
-
-ACCEPT: Final = Verdict(accepted=True)
-REJECT: Final = Verdict(accepted=False)
 
 
 @dataclass(slots=True)
@@ -79,10 +64,12 @@ class InnovationGate:
         """Forget refused poses and the time before, as the estimator restarts."""
         self._run, self._waited_s = None, 0.0
 
-    def judge(self, pose: Array, innovation: Array, deviation: Array) -> Verdict:
+    def judge(self, pose: Array, innovation: Array, deviation: Array) -> tuple[bool, Array | None]:
         """Judge a pose (position and unwrapped yaw), its innovation and that one's standard deviation.
 
-        All have shape (4,).
+        Returns whether it is accepted, and where the poses are from where the estimate is, if elsewhere: the
+        estimate moves there with an accepted pose, else it follows the motion of the poses in parallel. All
+        have shape (4,).
         """
         waited_s, self._waited_s = self._waited_s, 0.0
         allowed = _DEVIATIONS * deviation
@@ -92,7 +79,7 @@ class InnovationGate:
         self._run = None
         return self._judge_sudden(innovation, _SUDDEN_M + allowed[:3])
 
-    def _judge_sudden(self, innovation: Array, near_m: Array) -> Verdict:
+    def _judge_sudden(self, innovation: Array, near_m: Array) -> tuple[bool, Array | None]:
         before, self._last_sudden, innovation_m = self._last_sudden, None, innovation[:3]
         near = _within(innovation_m, near_m)
         agrees = not near and before is not None and _within(innovation_m - before, near_m)
@@ -100,16 +87,16 @@ class InnovationGate:
             self._last_sudden = innovation_m
             self._sudden += 1
             self.rejected += 1
-            return REJECT
+            return False, None
         self._sudden = 0
-        return Verdict(True, innovation) if agrees else ACCEPT
+        return True, innovation if agrees else None
 
-    def _refuse(self, pose: Array, innovation: Array, waited_s: float) -> Verdict:
+    def _refuse(self, pose: Array, innovation: Array, waited_s: float) -> tuple[bool, Array | None]:
         self.rejected += 1
         run = self._run
         if run is None or not _within(pose - run.last, self._widths + self._fastest * waited_s):
             self._run = _Run(innovation, pose)
-            return REJECT
+            return False, None
         run.last = pose
         run.poses += 1
         run.duration_s += waited_s
@@ -117,7 +104,7 @@ class InnovationGate:
         if believed:
             self._run = None
             self.restarts += 1
-        return Verdict(believed, run.offset)
+        return believed, run.offset
 
 
 # no laboratory has poses beyond these

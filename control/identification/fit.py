@@ -242,7 +242,9 @@ class _Fit:
 
     def _errors(self, candidate: Candidate, flights: Flights) -> list[Array]:
         motions = [self.motion(candidate, flight) for flight in flights]
-        errors = [each.far_errors() if self.far else each.settled_innovations() for each in motions]
+        errors = [
+            each.far_errors() if self.far else list(each.innovations()[each.settled :].T) for each in motions
+        ]
         # Height and heading are real.
         parts = (np.real, np.imag) if self.motion is horizontal else (np.real,)
         return [

@@ -101,10 +101,6 @@ class Motion:
         """Row from which on errors count."""
         return round(SETTLE_S / self.period_s)
 
-    def settled_innovations(self) -> list[Complex]:
-        """Return the innovations of each measurement that count."""
-        return list(self.innovations()[self.settled :].T)
-
     def far_errors(self) -> list[Complex]:
         """Return errors further ahead that count, thinned out; equally many of each distance."""
         rows = slice(self.settled, None, round(_FAR_EVERY_S / self.period_s))

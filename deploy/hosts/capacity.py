@@ -45,11 +45,6 @@ def vehicles_flown(
     return *(int(USABLE * processors / share) for share in shares[:-1]), int(at_most)
 
 
-def may_be_crowded(agents: int) -> bool:
-    """Whether this computer may be too slow for so many agents."""
-    return agents > SURE * len(os.sched_getaffinity(0))
-
-
 class CapacityMeasurement:
     """Measures once, in steps that take no longer than starting a process."""
 
@@ -166,8 +161,10 @@ class HostCapacity:
         status on, so that no vehicle takes off before."""
 
     def _may_be_crowded(self) -> bool:
+        """Whether this computer may be too slow for its agents."""
         children = self._supervisor.children.values()
-        return may_be_crowded(sum(child.wanted and child.spec.role == AGENT for child in children))
+        agents = sum(child.wanted and child.spec.role == AGENT for child in children)
+        return agents > SURE * len(os.sched_getaffinity(0))
 
     def step(self, late: bool) -> list[str]:
         """Go on measuring; return a line if that fails for a new reason. See `CapacityMeasurement.step`."""

@@ -70,7 +70,7 @@ class CheckpointService(Service):
             self._floor_due_s = now_s + FLOOR_S
             on_floor = self.on_floor()
             for vehicle in self._guard.find_orphans_on_floor(now_s, on_floor):
-                lost[vehicle] = f"host {on_floor[vehicle].runner.host}, where its agent ran, is silent"
+                lost[vehicle] = f"host {on_floor[vehicle].runner}, where its agent ran, is silent"
         return lost
 
     def frames(self) -> dict[str, Received[Applied]]:
@@ -90,5 +90,5 @@ class CheckpointService(Service):
             if report is None or runner is None or report.message.state in FLYING:
                 continue
             if (age_s := report.message.command_age_s) is not None:
-                known[vehicle] = OnFloor(report.arrived_s - age_s, runner)
+                known[vehicle] = OnFloor(report.arrived_s - age_s, *runner)
         return known

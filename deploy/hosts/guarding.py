@@ -24,18 +24,12 @@ FLOOR_TURN_S: Final = 1.5  # how much later each further host in line starts it 
 FLYING: Final = frozenset({"armed", "hold", "land", "descend"})
 
 
-class Runner(NamedTuple):
-    """Host whose launcher keeps the agent of a vehicle running, and when its last status arrived."""
-
-    host: str
-    arrived_s: float
-
-
 class OnFloor(NamedTuple):
-    """What is known of a vehicle whose arbiter does not fly."""
+    """What is known of a vehicle whose arbiter does not fly; times are monotonic [s]."""
 
-    commanded_s: float  # when the transmitter gateway last accepted a command [monotonic s]
-    runner: Runner
+    commanded_s: float  # when the transmitter gateway last accepted a command
+    runner: str  # host whose launcher keeps the agent running
+    reported_s: float  # when the last status of that launcher arrived
 
 
 class Runners:
@@ -53,10 +47,10 @@ class Runners:
         self._hosts = {name: other for name, other in self._hosts.items() if other != host}
         self._hosts |= dict.fromkeys(running, host)
 
-    def of(self, vehicle: str) -> Runner | None:
-        """Return the host that was to run the agent of a vehicle, if one is known."""
+    def of(self, vehicle: str) -> tuple[str, float] | None:
+        """Return the host that was to run an agent, and when its last status arrived; None if unknown."""
         host = self._hosts.get(vehicle)
-        return None if host is None else Runner(host, self._arrived_s[host])
+        return None if host is None else (host, self._arrived_s[host])
 
 
 class Guard:
@@ -97,7 +91,7 @@ class Guard:
             name
             for name, turn in self._turns.items()
             if name in vehicles
-            and vehicles[name].runner.host != self._host
-            and now_s - max(vehicles[name].commanded_s, vehicles[name].runner.arrived_s)
+            and vehicles[name].runner != self._host
+            and now_s - max(vehicles[name].commanded_s, vehicles[name].reported_s)
             > FLOOR_SILENT_S + FLOOR_TURN_S * turn
         ]

@@ -88,11 +88,11 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
             modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
         if spec.role == "agent":
             control = fleet.vehicles[spec.unit].control
-            built_in = (
-                *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
-                *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
+            classes = (
+                *map(CONTROLLERS.built_in.get, (DEFAULT_CONTROLLER, control.controller)),
+                *map(ESTIMATORS.built_in.get, (DEFAULT_ESTIMATOR, control.estimator)),
             )
-            modules += filter(None, built_in)
+            modules += [path.partition(":")[0] for path in classes if path is not None]
     return list(dict.fromkeys(modules))
 
 

@@ -61,10 +61,9 @@ def _locked(path: Path) -> int:
         time.sleep(LOCK_RETRY_S)
 
 
-def running_fleets(base: Path | None = None) -> list[RunningFleet]:
-    """Return the fleets that are up, from their run directories in `base`, or in all `base_directories`."""
-    bases = base_directories() if base is None else [base]
-    paths = sorted(path for place in bases for path in place.glob("*/up-*.json"))
+def running_fleets() -> list[RunningFleet]:
+    """Return the fleets that are up, from their run directories in all `base_directories`."""
+    paths = sorted(path for base in base_directories() for path in base.glob("*/up-*.json"))
     return [running for path in paths if (running := _read(path)) is not None]
 
 

@@ -138,7 +138,9 @@ class ForkServer:
         again = self._start_s > -math.inf
         self.close()
         self._start_s = self._clock()
-        _adopt_orphans()
+        # This process becomes the parent of what the fork server starts and leaves behind.
+        if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1) != 0:
+            raise OSError(ctypes.get_errno(), "this process cannot adopt what a fork server starts")
         own, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with other, ExitStack() as stack:
             stack.callback(own.close)
@@ -241,9 +243,3 @@ def _remove(pid: int) -> None:
     """Remove an ended process in a thread without real-time priority: the kernel may spin for a second."""
     leave_realtime()
     os.waitpid(pid, 0)
-
-
-def _adopt_orphans() -> None:
-    """Become the parent of all descendants whose parent has ended."""
-    if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1) != 0:
-        raise OSError(ctypes.get_errno(), "this process cannot adopt what a fork server starts")

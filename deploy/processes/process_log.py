@@ -9,7 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from types import TracebackType
 from typing import Final, TextIO
 
 LARGEST_BYTES: Final = 1_000_000  # the content of a larger log is moved to an older one, of which one is kept
@@ -64,24 +63,9 @@ def set_up() -> None:
     formatter.converter = time.gmtime
     handler.setFormatter(formatter)
     logging.basicConfig(level=logging.INFO if supervised else logging.WARNING, handlers=[handler], force=True)
-    sys.excepthook = _log_exception
-
-
-def _log_exception(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    logging.critical("ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback))
-
-
-def stamped(lines: list[str]) -> list[str]:
-    """Lines of a log with the present time, which may be written later."""
-    now_s = time.time()
-    stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
-    return [f"{stamp} INFO {line}\n" for line in lines]
-
-
-def append(path: Path, lines: list[str]) -> None:
-    """Append stamped lines to a log; ignore a failing disk."""
-    with suppress(OSError), path.open("a", encoding="utf-8") as file:
-        file.writelines(lines)
+    sys.excepthook = lambda kind, error, traceback: logging.critical(
+        "ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback)
+    )
 
 
 class LauncherLog:
@@ -94,10 +78,13 @@ class LauncherLog:
         self._thread.start()
 
     def append(self, lines: list[str]) -> None:
-        """Queue lines."""
-        self._lines.put(stamped(lines))
+        """Queue lines, with the present time; a failing disk is ignored."""
+        now_s = time.time()
+        stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
+        self._lines.put([f"{stamp} INFO {line}\n" for line in lines])
 
     def _run(self) -> None:
+        path = self._directory / f"launcher{SUFFIX}"
         while True:
             lines: list[str] | None = []
             with suppress(Empty):
@@ -105,7 +92,8 @@ class LauncherLog:
             if lines is None:
                 return
             if lines:
-                append(self._directory / f"launcher{SUFFIX}", lines)
+                with suppress(OSError), path.open("a", encoding="utf-8") as file:
+                    file.writelines(lines)
             rotate(self._directory)
 
     def close(self) -> None:

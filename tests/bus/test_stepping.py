@@ -169,7 +169,7 @@ def test_steps_that_are_not_published_leave_a_gap_in_the_numbers(
     session: FakeSession, stepped: StepBus
 ) -> None:
     for enabled in (True, False, True):
-        stepped.publish_steps(enabled)
+        stepped.publishing = enabled
         stepped.begin_step()
         stepped.end_step("h1", ESTIMATE)
     assert [message.number for message in session.published] == [0, 2]

@@ -1,10 +1,12 @@
 """Promises of the speed of a fleet: simulated ones fly at any, hardware in real time."""
 
+from pathlib import Path
+
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.bus.clock import Clock
-from rcopterx.fleet.reading import at_speed, digest_of, encoded, parse_fleet, snapshot_of
+from rcopterx.fleet.reading import at_speed, digest_of, load_fleet, parse_fleet, write_snapshot
 from rcopterx.fleet.schema import FleetError
 
 SLOW = PAIR.replace("[simulator]", "[simulator]\nspeed = 0.5")
@@ -18,9 +20,10 @@ def test_a_fleet_flies_in_real_time_unless_its_file_or_its_user_says_otherwise()
     assert at_speed(parse_fleet(SLOW), 1.0) == parse_fleet(PAIR)
 
 
-def test_processes_and_programs_that_join_use_the_same_speed() -> None:
+def test_processes_and_programs_that_join_use_the_same_speed(tmp_path: Path) -> None:
     fleet = at_speed(parse_fleet(PAIR), 0.2)
-    assert snapshot_of(encoded(fleet)).clock == fleet.clock
+    write_snapshot(fleet, tmp_path / "fleet.json")
+    assert load_fleet(tmp_path / "fleet.json").clock == fleet.clock
     assert digest_of(fleet) != digest_of(parse_fleet(PAIR))
 
 

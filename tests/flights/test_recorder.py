@@ -184,8 +184,11 @@ def test_channels_that_are_not_of_the_table_are_not_recorded(tmp_path: Path) -> 
     assert log.status().messages == 1
 
 
-def test_a_slow_disk_loses_messages_that_are_counted_and_never_memory(tmp_path: Path) -> None:
-    waiting = Waiting(limit_bytes=1000)
+def test_a_slow_disk_loses_messages_that_are_counted_and_never_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.flights.recorder.MAX_WAITING_BYTES", 1000)
+    waiting = Waiting()
     log = recorder(tmp_path, waiting)
     for number in range(1, 41):
         waiting.store(raw(number, size=100))

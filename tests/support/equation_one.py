@@ -54,7 +54,7 @@ def input_behind_gyro(model: Model, motion: Array, actuator: Array, applied_inpu
 
     `actuator` are the inputs after their lag, shape (4,).
     """
-    if not model.yaw_behind_rotors:
+    if not (model.yaw_gyro or model.thrust_coupling):
         return applied_input
     followed = applied_input.copy()
     ahead = float(applied_input[U_THRUST] - actuator[U_THRUST])

@@ -26,7 +26,6 @@ from rcopterx.vicon_gateway.objects import (
     Ping,
     RequestFrame,
     decode_body,
-    decode_object,
     packet,
 )
 from rcopterx.vicon_gateway.wire import (
@@ -191,7 +190,7 @@ class Targets:
     def _objects(self) -> None:
         mutator = self._random.choice((self._from_server, self._from_client))
         kind, payload = mutator.payload()
-        decode_object(kind, payload)
+        decode_body(encode_object(kind, payload))
         decode_body(encode_object(kind, payload) + payload)
 
     def _server(self) -> None:

@@ -30,7 +30,7 @@ class NoteBus:
     def __init__(self) -> None:
         self.notes: list[str] = []
         self.effective: set[str] = set()
-        self.telling = True
+        self.publishing = True
         self.now_s = 10.0
 
     def clock(self) -> float:
@@ -42,9 +42,6 @@ class NoteBus:
     @property
     def events(self) -> set[str]:
         return self.effective
-
-    def publish_steps(self, enabled: bool) -> None:
-        self.telling = enabled
 
 
 class Scene:
@@ -78,7 +75,7 @@ class Scene:
             self.relief.watch(LATE_S, flying=True)
 
     def doing(self) -> tuple[bool, int, int]:
-        return self.bus.telling, self.traffic.most, self.pacing.every
+        return self.bus.publishing, self.traffic.most, self.pacing.every
 
 
 def test_nothing_changes_before_the_note_takes_effect() -> None:

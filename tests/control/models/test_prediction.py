@@ -60,7 +60,7 @@ def test_actuators_follow_their_exact_pole(
 ) -> None:
     predicted = predict(model, estimate, applied_input, period_s)
     pole = np.exp(-period_s / np.array(model.lag_s))
-    behind_gyro = U_YAW if model.yaw_behind_rotors else None
+    behind_gyro = U_YAW if model.yaw_gyro or model.thrust_coupling else None
     expected = applied_input + pole * (estimate.actuator - applied_input)
     assert np.allclose(predicted.actuator[:behind_gyro], expected[:behind_gyro])
     assert np.array_equal(predicted.disturbance, estimate.disturbance)

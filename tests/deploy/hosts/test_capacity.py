@@ -13,7 +13,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.hosts import capacity
-from rcopterx.deploy.hosts.capacity import CapacityMeasurement, HostCapacity, may_be_crowded, vehicles_flown
+from rcopterx.deploy.hosts.capacity import CapacityMeasurement, HostCapacity, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
@@ -57,13 +57,6 @@ def test_a_computer_flies_more_vehicles_the_fewer_control_periods_are_computed()
 
 def test_a_few_vehicles_fly_on_any_computer() -> None:
     assert vehicles_flown(9.0, 1.0, PERIOD_S, 2) == (0, 0, 0, 3)
-
-
-def test_only_so_few_agents_as_any_computer_serves_take_off_before_that_is_measured(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
-    assert [agents for agents in range(20) if may_be_crowded(agents)] == list(range(4, 20))
 
 
 @pytest.fixture(scope="module")
@@ -217,9 +210,26 @@ def test_a_measurement_that_is_closed_has_no_result_and_leaves_nothing(
 def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_beginning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(capacity, "may_be_crowded", lambda agents: agents == 1)
-    specs = [ProcessSpec(name, name, "main") for name in ("router", "agent")]
-    supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
+    monkeypatch.setattr(capacity, "SURE", 0.0)
+    supervisor = supervisor_of(1, tmp_path)
     unused = CapacityMeasurement(tmp_path / "lab.toml", "h1", PERIOD_S, ForkServer(), dict)
     assert HostCapacity(supervisor, lambda: unused).measuring
     assert not HostCapacity(supervisor, None).measuring
+
+
+def test_only_so_few_agents_as_any_computer_serves_take_off_before_that_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    unused = CapacityMeasurement(tmp_path / "lab.toml", "h1", PERIOD_S, ForkServer(), dict)
+
+    def measured_first(agents: int) -> bool:
+        return HostCapacity(supervisor_of(agents, tmp_path), lambda: unused).measuring
+
+    assert list(filter(measured_first, range(20))) == list(range(4, 20))
+
+
+def supervisor_of(agents: int, directory: Path) -> Supervisor:
+    specs = [ProcessSpec("router", "router", "main")]
+    specs += [ProcessSpec(f"agent-h{number}", "agent", f"h{number}") for number in range(agents)]
+    return Supervisor(specs, directory / "lab.toml", directory, ForkServer())

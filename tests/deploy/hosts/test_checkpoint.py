@@ -90,7 +90,7 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
         other.publish(channels.LAUNCHER, "home", launcher)
         other.publish(channels.TRANSMITTER_STATUS, "h1", status)
         found = service.on_floor()
-        return found.keys() == {"h1"} and found["h1"].runner.host == "home"
+        return found.keys() == {"h1"} and found["h1"].runner == "home"
 
     try:
         wait_for(lambda: known("disarmed"), "the vehicle on the floor is not known")

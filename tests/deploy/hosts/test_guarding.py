@@ -13,7 +13,6 @@ from rcopterx.deploy.hosts.guarding import (
     TURN_S,
     Guard,
     OnFloor,
-    Runner,
     Runners,
 )
 
@@ -108,7 +107,7 @@ def test_a_vehicle_that_lands_in_spite_of_its_agent_is_left_to_it_for_a_while() 
 @pytest.mark.parametrize("turn", [0, 1])
 def test_on_the_floor_the_agents_of_a_silent_host_are_started_in_turn(turn: int) -> None:
     guard = Guard("spare", {"h1": turn})
-    known = {"h1": OnFloor(commanded_s=9.0, runner=Runner("home", arrived_s=10.0))}
+    known = {"h1": OnFloor(commanded_s=9.0, runner="home", reported_s=10.0)}
     due_s = 10.0 + FLOOR_SILENT_S + turn * FLOOR_TURN_S
     assert guard.find_orphans_on_floor(due_s - 0.1, known) == []
     assert guard.find_orphans_on_floor(due_s + 0.1, known) == ["h1"]
@@ -117,25 +116,25 @@ def test_on_the_floor_the_agents_of_a_silent_host_are_started_in_turn(turn: int)
 @pytest.mark.parametrize(
     "known",
     [
-        OnFloor(commanded_s=99.9, runner=Runner("home", arrived_s=10.0)),
-        OnFloor(commanded_s=10.0, runner=Runner("home", arrived_s=99.0)),
-        OnFloor(commanded_s=10.0, runner=Runner("spare", arrived_s=10.0)),
+        OnFloor(commanded_s=99.9, runner="home", reported_s=10.0),
+        OnFloor(commanded_s=10.0, runner="home", reported_s=99.0),
+        OnFloor(commanded_s=10.0, runner="spare", reported_s=10.0),
     ],
     ids=["it is commanded", "its launcher lives", "it is this host's already"],
 )
 def test_on_the_floor_no_other_agent_is_replaced(known: OnFloor) -> None:
     guard = Guard("spare", {"h1": 0})
-    assert guard.find_orphans_on_floor(100.0, {"h1": known, "h9": OnFloor(1.0, Runner("home", 1.0))}) == []
+    assert guard.find_orphans_on_floor(100.0, {"h1": known, "h9": OnFloor(1.0, "home", 1.0)}) == []
 
 
 def test_a_silent_launcher_keeps_its_vehicles_until_another_one_has_had_them() -> None:
     runners = Runners()
     runners.update("home", ["h1", "h2"], 1.0)
-    assert runners.of("h1") == Runner("home", 1.0)
+    assert runners.of("h1") == ("home", 1.0)
     runners.update("spare", ["h1"], 5.0)
     runners.update("home", ["h1", "h2"], 1.0)
-    assert runners.of("h1") == Runner("spare", 5.0)
-    assert runners.of("h2") == Runner("home", 1.0)
+    assert runners.of("h1") == ("spare", 5.0)
+    assert runners.of("h2") == ("home", 1.0)
     runners.update("spare", [], 6.0)
     assert runners.of("h1") is None
     runners.update("home", [], 7.0)

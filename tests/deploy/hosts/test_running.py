@@ -33,6 +33,11 @@ with recorded(Path(sys.argv[1]), RunningFleet("lab", "0", None, "main", [], [], 
 """
 
 
+@pytest.fixture(autouse=True)
+def _run_directories(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+
+
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
     path = tmp_path / "lab"
@@ -40,26 +45,26 @@ def directory(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_fleet_is_up_while_its_router_runs(directory: Path, tmp_path: Path) -> None:
-    assert running_fleets(tmp_path) == []
+def test_a_fleet_is_up_while_its_router_runs(directory: Path) -> None:
+    assert running_fleets() == []
     with recorded(directory, RUNNING):
-        assert running_fleets(tmp_path) == [RUNNING]
-    assert running_fleets(tmp_path) == []
+        assert running_fleets() == [RUNNING]
+    assert running_fleets() == []
     assert list(directory.iterdir()) == []
 
 
-def test_a_router_that_was_killed_is_not_up_and_its_successor_is(directory: Path, tmp_path: Path) -> None:
+def test_a_router_that_was_killed_is_not_up_and_its_successor_is(directory: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", HOLDER, str(directory)], stdout=subprocess.PIPE)
     try:
         assert process.stdout is not None
         process.stdout.readline()
-        assert [running.fleet for running in running_fleets(tmp_path)] == ["lab"]
+        assert [running.fleet for running in running_fleets()] == ["lab"]
     finally:
         process.kill()
         process.communicate()
-    assert running_fleets(tmp_path) == []
+    assert running_fleets() == []
     with recorded(directory, RUNNING):
-        assert running_fleets(tmp_path) == [RUNNING]
+        assert running_fleets() == [RUNNING]
 
 
 def test_a_second_router_of_the_same_fleet_and_host_is_refused(
@@ -75,12 +80,10 @@ def test_a_second_router_of_the_same_fleet_and_host_is_refused(
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", json.dumps({"fleet": "lab"}).encode()])
-def test_a_record_that_is_being_written_is_no_fleet_yet(
-    directory: Path, tmp_path: Path, content: bytes
-) -> None:
+def test_a_record_that_is_being_written_is_no_fleet_yet(directory: Path, content: bytes) -> None:
     with recorded(directory, RUNNING):
         (directory / "up-main.json").write_bytes(content)
-        assert running_fleets(tmp_path) == []
+        assert running_fleets() == []
 
 
 def test_reading_records_needs_no_validation_library(tmp_path: Path) -> None:
@@ -97,4 +100,4 @@ def test_records_of_all_fleets_are_found(tmp_path: Path) -> None:
         recorded(tmp_path / "a", replace(RUNNING, fleet="a")),
         recorded(tmp_path / "b", replace(RUNNING, fleet="b")),
     ):
-        wait_for(lambda: len(running_fleets(tmp_path)) == 2, f"not both of {os.listdir(tmp_path)}")
+        wait_for(lambda: len(running_fleets()) == 2, f"not both of {os.listdir(tmp_path)}")

@@ -22,9 +22,7 @@ from rcopterx.deploy.processes.process_log import (
     MOST_WAITING,
     LauncherLog,
     QueueingHandler,
-    append,
     rotate,
-    stamped,
 )
 
 LINES = 20_000
@@ -227,7 +225,8 @@ def test_every_line_is_read_once_while_logs_are_put_aside(tmp_path: Path) -> Non
     logs = ProcessLogs(tmp_path)
     read: list[str] = []
     for number in range(40):
-        append(tmp_path / "router.log", stamped([str(number)]))
+        with (tmp_path / "router.log").open("a") as file:
+            file.write(f"2026-11-22T03:00:04.000Z INFO {number}\n")
         if number % 7 == 0:
             rotate(tmp_path)
         if number % 3 == 0:
@@ -237,8 +236,10 @@ def test_every_line_is_read_once_while_logs_are_put_aside(tmp_path: Path) -> Non
 
 
 def test_events_of_a_launcher_are_logged_with_their_time_and_a_full_disk_is_ignored(tmp_path: Path) -> None:
-    append(tmp_path / "launcher.log", stamped(["agent-h1: killed by SIGKILL"]))
-    append(tmp_path / "nowhere" / "launcher.log", stamped(["lost"]))
+    for directory in (tmp_path, tmp_path / "nowhere"):
+        log = LauncherLog(directory)
+        log.append(["agent-h1: killed by SIGKILL"])
+        log.close()
     (line,) = ProcessLogs(tmp_path).new_lines()
     assert (line.process, line.text) == ("launcher", "INFO agent-h1: killed by SIGKILL")
     assert len(line.time) == 24

@@ -45,7 +45,7 @@ def trio(seed: int) -> Rig:
 
 def fly(rig: Rig, name: str, kind: str, seconds: float) -> None:
     pilot = rig.pilots[name]
-    pilot.limit_time(AlarmTimeLimit())
+    pilot.step_guard.calls.limit = pilot.estimator.calls.limit = AlarmTimeLimit()
     hostile = FloodingScheme if kind == "flooding" else HostileController
     pilot.use_controller(hostile(COAXIAL, 0.02, hostile.Settings(kind=kind)))
     flown = rig.fly(SOUND_S + seconds)
