@@ -127,6 +127,6 @@ def test_innovations_on_real_flights_are_no_larger_than_expected() -> None:
     flights, unusable = read_flights(DIRECTORY)
     assert list(unusable) == ["B6_linear_ramp_rep1"]
     one = flights["B3_figure8_slow_rep1"]
-    found = follow(one, type_model(float(one.inputs[:, 2].mean())), "extended_kalman")
+    found = follow([(one, type_model(float(one.inputs[:, 2].mean())))], "extended_kalman")
     assert np.mean(np.square(found.normalised)) < 1.0
     assert np.std(found.errors_m[0.5]) < 0.03

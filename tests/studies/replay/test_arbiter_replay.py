@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 from msgspec import structs
 from support.bus import free_port
@@ -15,7 +16,7 @@ from rcopterx.bus.log_messages import ArbiterCalls
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.session import RawMessage
 from rcopterx.command_line import app
-from rcopterx.fleet.reading import at_speed, encoded, parse_fleet
+from rcopterx.fleet.reading import at_speed, parse_fleet
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
 from rcopterx.flights.mcap_records import FlightLogError
@@ -173,7 +174,7 @@ def test_the_command_prints_what_was_compared(flown: Flown, tmp_path: Path) -> N
     with path.open("xb") as stream:
         mcap = McapFile(stream)
         mcap.add_metadata(METADATA, {})
-        mcap.add_attachment(FLEET_ATTACHMENT, encoded(file), 0)
+        mcap.add_attachment(FLEET_ATTACHMENT, msgspec.json.encode(file), 0)
         mcap.add_chunk(messages)
         mcap.finish()
     runner = CliRunner()
