@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.compiling.compiled import FLAG, MATRIX, compiled, part, record
+from rcopterx.compiling.compiled import FLAG, MATRIX, NUMBER, compiled, part, record
 from rcopterx.control.solver.problem import (
     PROBLEM,
     TRAJECTORIES,
@@ -106,7 +106,7 @@ def set_penalties(p: OptimalControlProblem, a: ActiveSet) -> tuple[bool, bool]:
 OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and of a change of an input
 
 
-@part
+@compiled(NUMBER, NUMBER)
 def small(primal: float, dual: float) -> bool:
     """Whether residuals are those of an optimal plan; they are not where a number is not finite."""
     return primal < OPTIMAL and 0.0 <= dual < OPTIMAL
