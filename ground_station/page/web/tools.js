@@ -52,9 +52,11 @@ export class Tools {
     this.scene.corner = corner ? null : place;
     this.scene.dirty = true;
     if (!corner) return;
-    const shape = value('shape'), middle = [0, 1].map((axis) => (corner[axis] + place[axis]) / 2);
-    const half = [0, 1].map((axis) => Math.abs(corner[axis] - place[axis]) / 2), reach = shape === 'cylinder' ? [Math.max(...half), Math.max(...half)] : half;
-    const at = (sign, z) => [...middle.map((value, axis) => Math.round((value + sign * reach[axis]) * 1000) / 1000), z];
+    const shape = value('shape'), millimetres = (number) => Math.round(number * 1000);
+    const middle = [0, 1].map((axis) => millimetres((corner[axis] + place[axis]) / 2));
+    const half = [0, 1].map((axis) => millimetres(Math.abs(corner[axis] - place[axis]) / 2));
+    const reach = shape === 'cylinder' ? half.map(() => Math.max(...half)) : half; // square to the millimetre
+    const at = (sign, z) => [...middle.map((number, axis) => (number + sign * reach[axis]) / 1000), z];
     send('set_zone', { zone: value('name'), low_m: at(-1, 0), high_m: at(1, Number(value('top'))), shape });
     one('[name=drawing]', this.zone).checked = false;
   }
