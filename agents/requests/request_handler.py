@@ -37,6 +37,11 @@ RoomCheck = Callable[..., str | None]
 """Returns why there is no room for a way, shape (k, 4), or for followers beside it; see `move_problem`."""
 
 
+def places_along(path: FlightPath, from_s: float, until_s: float) -> Array:
+    """Return the places of a part of a path that are checked: x, y, z [m], yaw [rad], shape (k, 4)."""
+    return path.sample(np.arange(from_s, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S))[:, POSE]
+
+
 @dataclass
 class TrajectoryRequests:
     """At most one trajectory that is being checked; `refusal` is why none is taken now, if so."""
@@ -102,8 +107,7 @@ class TrajectoryRequests:
 
     def _problem(self, path: FlightPath, until_s: float, check: RoomCheck) -> str | None:
         """Return why the first part of a path cannot be flown; None if it can."""
-        way = path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S))[:, POSE]
-        return check(way) or path_problem(path, self.pilot.model, until_s)
+        return check(places_along(path, 0.0, until_s)) or path_problem(path, self.pilot.model, until_s)
 
 
 MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between
@@ -315,7 +319,7 @@ class RequestHandler:
 
     def _barred(self, path: FlightPath, from_s: float = 0.0) -> str | None:
         """Return why the rest of an accepted path cannot be flown any more, followers beside it; or None."""
-        way = path.sample(np.arange(from_s, path.duration_s + CHECKED_EVERY_S, CHECKED_EVERY_S))[:, POSE]
+        way = places_along(path, from_s, path.duration_s)
         return self._check_of(*self.peers.formation())(way, unrelated={})
 
     def _excite(self, request: requests.Excite) -> requests.Reply:
