@@ -82,7 +82,7 @@ mutation: $(VENV)/.mutation
 	$(BIN)/python tests/mutation_score.py
 
 measure: $(VENV)/.test
-	$(BIN)/python benchmarks/measure_commit.py $(ARGS)
+	$(BIN)/python docs/figures/measure_commit.py $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .

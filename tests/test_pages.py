@@ -109,7 +109,7 @@ def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
-MODULE = re.compile(rf"\b((?:{'|'.join([*FOLDERS, 'benchmarks', 'tests', 'examples'])})/[\w/]+\.py)\b")
+MODULE = re.compile(rf"\b((?:{'|'.join([*FOLDERS, 'tests', 'examples'])})/[\w/]+\.py)\b")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Compare this checkout with another one: processor time, latency, memory, fleet size, control steps.
 
-    python benchmarks/cost.py CHECKOUT [--json] [--only TRIAL ...] [--rounds N]
+    python docs/figures/cost.py CHECKOUT [--json] [--only TRIAL ...] [--rounds N]
 
 Each trial is a command of the checkout's own command line, so that the other one may be much older. Both
 alternate, because the speed of a computer varies. Ratios are of medians.
@@ -20,7 +20,7 @@ from typing import Any, Final
 from rcopterx.commands.output import Progress
 from rcopterx_studies.benchmarks.processes import Show, descendants, memory_of
 
-OWN: Final = Path(__file__).resolve().parents[1]
+OWN: Final = Path(__file__).resolve().parents[2]
 _FLYING: Final = "s flown"  # in a line of `bench scale` while it measures
 SECONDS: Final = 20.0
 LARGEST_SECONDS: Final = 60.0

@@ -1,6 +1,6 @@
 """Lines of our Python code that each process of a flight on hardware imports, in an interpreter of its own.
 
-    python benchmarks/imported_lines.py [--modules]
+    python docs/figures/imported_lines.py [--modules]
 
 The last line is their union: the code that a laboratory flies with.
 """
@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-ROOT: Final = Path(__file__).parents[1]
+ROOT: Final = Path(__file__).parents[2]
 PARTS: Final = {
     "router": "run.runner('router')",
     "recorder": "run.runner('recorder'); recorder = role('recorder').recorder_settings(fleet, 'main', 0.0)",

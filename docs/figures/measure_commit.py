@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from cost import TRIALS, measured
 from imported_lines import flight_lines
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DATA = ROOT / "docs" / "figures" / "commits.jsonl"
 PLOT = DATA.with_suffix(".svg")
 PLOTS = {

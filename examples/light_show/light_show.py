@@ -80,7 +80,7 @@ def check_limits(file, paths):
 
 
 def colour_of(lights, time_s):
-    """A colour at a time of the show: red, green and blue, in shades that can be told apart."""
+    """A colour at a time of the show: red, green and blue, in shades that differ visibly."""
     if lights is None:
         return OFF
     exact = [np.interp(time_s, lights.times_s, part) for part in lights.colours.T]

@@ -163,7 +163,7 @@ def test_everybody_stays_where_he_is_before_and_after_his_own_part() -> None:
 
 
 class FakeVehicle:
-    """A vehicle with lights, or without; it fails to answer as often as it is told."""
+    """A vehicle with lights, or without; it fails to answer `fails` times."""
 
     def __init__(self, name: str, *, has_lights: bool = True, fails: int = 0) -> None:
         self.name, self.has_lights, self.fails = name, has_lights, fails

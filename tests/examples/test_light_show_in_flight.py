@@ -24,7 +24,7 @@ DARK = {None, (0, 0, 0)}
 
 
 class Watched:
-    """A show that somebody suspends, resumes and calls home, and what was shown meanwhile."""
+    """A show that is suspended, resumed and called home, and what was shown meanwhile."""
 
     def __init__(self, fleet: Fleet) -> None:
         self.fleet = fleet

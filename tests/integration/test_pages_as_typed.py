@@ -23,7 +23,7 @@ NOT_TYPED = {
     "make test": (INSTALLS, ".ci/run"),
     'make measure ARGS="--tests"': (
         "needs the history and an idle computer",
-        "benchmarks/measure_commit.py",
+        "docs/figures/measure_commit.py",
     ),
     "python3 -m venv lab": (INSTALLS, WHEEL),
     ". lab/bin/activate": (INSTALLS, WHEEL),
