@@ -17,6 +17,9 @@ SHORT_S = 0.06
 """Shorter than the limit at which a vehicle without a pose is held."""
 LONG_S = 60.0
 """Until the test mends it."""
+CARRIED_M = 1.0
+"""Three times the rms distance by which the draught carries a vehicle that descends unseen from 0.8 m, and
+how far two that are swapped are apart (`tests/integration/test_places_of_unseen_vehicles.py`)."""
 
 
 class Laboratory:
@@ -170,14 +173,14 @@ def test_vehicles_that_stay_unseen_are_held_then_land_gently_and_the_others_fly_
     laboratory.wait_for_problem("heli3")
 
 
-def test_swapped_vehicles_end_up_landed_gently_where_they_were_and_the_others_fly_on(
+def test_swapped_vehicles_end_up_landed_gently_and_the_others_fly_on(
     laboratory: Laboratory,
 ) -> None:
     places = {name: laboratory.place(name) for name in ("h2", "h3")}
     laboratory.inject(faults.SwapSubjects("heli2", "heli3", duration_s=LONG_S))
     laboratory.wait_until_landed_gently("h2", "h3")
     for name, place in places.items():
-        assert laboratory.distance_m(name, place) < 0.6
+        assert laboratory.distance_m(name, place) < CARRIED_M
     laboratory.assert_flies_on("h1")
 
 
@@ -186,5 +189,5 @@ def test_vehicle_whose_pose_stands_still_lands_gently_and_the_others_fly_on(labo
     place = laboratory.place("h2")
     laboratory.inject(faults.FreezePose("heli2", duration_s=LONG_S))
     laboratory.wait_until_landed_gently("h2")
-    assert laboratory.distance_m("h2", place) < 0.6
+    assert laboratory.distance_m("h2", place) < CARRIED_M
     laboratory.assert_flies_on("h1", "h3")
