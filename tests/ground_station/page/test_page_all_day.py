@@ -44,6 +44,11 @@ def received(frame: PageFrame) -> dict[str, Any]:
     return message
 
 
+def shows(frame: PageFrame, sentence: str) -> Callable[[], bool]:
+    """Whether a browser receives this sentence."""
+    return lambda: bool(received(frame)["texts"]["sentence"]["text"] == sentence)
+
+
 def test_a_page_waits_for_its_fleet_joins_it_and_joins_again_when_it_has_been_down(
     frame: PageFrame, fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
 ) -> None:
@@ -57,17 +62,17 @@ def test_a_page_waits_for_its_fleet_joins_it_and_joins_again_when_it_has_been_do
         return joined[-1]
 
     with shown(frame, join):
-        wait_for(lambda: frame.sentence.text == "trio is down; start it with rcopterx up trio", "waits")
+        wait_for(shows(frame, "trio is down; start it with rcopterx up trio"), "waits")
         assert frame.server.perform is None
         up.set()
-        wait_for(lambda: frame.sentence.text == "ready to take off", "not joined")
+        wait_for(shows(frame, "ready to take off"), "not joined")
         assert frame.server.perform is not None
         for vehicle in vehicles.values():
             vehicle.speaks = False
         wait_for(lambda: len(joined) == 2, "not joined again")
         for vehicle in vehicles.values():
             vehicle.speaks = True
-        wait_for(lambda: frame.sentence.text == "ready to take off", "not shown again")
+        wait_for(shows(frame, "ready to take off"), "not shown again")
         assert set(received(frame)["texts"]["rows"]) == {"h1", "h2"}
 
 
@@ -76,5 +81,5 @@ def test_a_page_says_why_it_cannot_join_a_fleet(frame: PageFrame) -> None:
         raise WrongFleetError("another version of the file is up")
 
     with shown(frame, join):
-        wait_for(lambda: frame.sentence.text == "another version of the file is up", "not shown")
+        wait_for(shows(frame, "another version of the file is up"), "not shown")
         assert received(frame)["texts"]["down"]
