@@ -20,7 +20,7 @@ from rcopterx.bus.realtime import ending_signals, prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
-from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
+from rcopterx.vicon_gateway.client import DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.frame import CapturedFrame, EpochCounter, Position, Stamp, SubjectPose
 from rcopterx.vicon_gateway.recording import RecordingFile
 
@@ -244,6 +244,7 @@ class TrackerGateway:
             "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"
+        recorded = f"{state.recorded_bytes} bytes in {self._recording}" if self._recording else ""
         return TrackerStatus(
             state=state.name,
             trying=trying[:400],
@@ -255,13 +256,8 @@ class TrackerGateway:
             subjects=self._subjects.states(now_s),
             counters=counters,
             realtime=self._realtime,
-            recording=self._recording_text(state)[:400],
+            recording=(state.recording_error or recorded)[:400],
         )
-
-    def _recording_text(self, state: ClientState) -> str:
-        if self._recording is None:
-            return ""
-        return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
 
 
 def run_tracker_gateway(settings: TrackerSettings) -> None:

@@ -247,9 +247,8 @@ class LeaderChanges:
 
     def _absence(self, name: str) -> str:
         status = self.peers.statuses().get(name)
-        if status is None:
-            return f"no plan from {name}: its agent sends nothing"
-        return f"no plan from {name}: its phase is {status.phase}"
+        why = "its agent sends nothing" if status is None else f"its phase is {status.phase}"
+        return f"no plan from {name}: {why}"
 
     def _promise(self, following: tuple[LeaderLink, ...]) -> Reply | None:
         """Return the reply by the statuses of the leaders; None if only their plans can decide."""

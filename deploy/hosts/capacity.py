@@ -126,7 +126,8 @@ class CapacityMeasurement:
         stayed = {process: role for process, role in self._roles().items() if process in self._before}
         if not (agents := sum(role == AGENT for role in stayed.values())):
             raise OSError("no agent runs")
-        ran_s = sum(_ran_s(self._before[process], threads_of(process)) for process in stayed)
+        readings = ((self._before[process], threads_of(process)) for process in stayed)
+        ran_s = sum(now[n].ran_s - before[n].ran_s for before, now in readings for n in now if n in before)
         needed_s = len(os.sched_getaffinity(0)) * elapsed_s if self._late else 0.0
         return max(ran_s, needed_s) / elapsed_s / agents
 
@@ -187,8 +188,3 @@ class HostCapacity:
         """End the measurement."""
         if self._measurement is not None:
             self._measurement.close()
-
-
-def _ran_s(before: Threads, now: Threads) -> float:
-    """Return the processor time of a process between two readings [s]."""
-    return sum(thread.ran_s - before[number].ran_s for number, thread in now.items() if number in before)
