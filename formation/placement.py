@@ -24,10 +24,13 @@ def after_leaving(within: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def entered(zone: Zone, way_m: Array) -> Array | None:
-    """Return where, shape (3,), a way, shape (k, 3), enters a zone with its margin; None if it does not."""
-    margin_m = zone.margin_m - TOLERANCE_M
-    low_m, high_m = np.array(zone.min_m) - margin_m, np.array(zone.max_m) + margin_m
-    if np.any(way_m.max(axis=0) < low_m) or np.any(way_m.min(axis=0) > high_m):
+    """Return where, shape (3,), a way, shape (k, 3), enters a zone with its margin; None if it does not.
+
+    A way that begins in the margin may leave it, but not through the zone itself.
+    """
+    low_m, high_m = np.array(zone.min_m), np.array(zone.max_m)
+    reach_m = zone.margin_m - TOLERANCE_M
+    if np.any(way_m.max(axis=0) < low_m - reach_m) or np.any(way_m.min(axis=0) > high_m + reach_m):
         return None  # most ways, at once: a leader tries those of all followers within a control period
     passed_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1)))
     along_m = np.linspace(0.0, passed_m[-1], 2 + int(passed_m[-1] / EVERY_M))
@@ -35,7 +38,9 @@ def entered(zone: Zone, way_m: Array) -> Array | None:
     beside_m = np.abs(places_m - (low_m + high_m) / 2)
     if zone.shape == "cylinder":
         beside_m[:, :2] = np.linalg.norm(beside_m[:, :2], axis=1, keepdims=True)
-    inside = after_leaving(np.all(beside_m < (high_m - low_m) / 2, axis=1))
+    half_m = (high_m - low_m) / 2
+    in_margin, in_zone = (np.all(beside_m < half_m + by_m, axis=1) for by_m in (reach_m, -TOLERANCE_M))
+    inside = after_leaving(in_margin) | after_leaving(in_zone)
     return places_m[np.argmax(inside)] if inside.any() else None
 
 
@@ -48,10 +53,13 @@ class Room:
     minimum_distance_m: float | None = 0.3  # smallest distance between two vehicles; None for no limit
     zones: Mapping[str, Zone] = field(default_factory=dict)  # keep-out zones by name
 
-    def shrunk(self, by_m: float) -> "Room":
-        """Return the room for what reaches so far from a place."""
-        low_m, high_m = np.array(self.min_m) + by_m, np.array(self.max_m) - by_m
+    def shrunk(self, by_m: float, begins_m: Iterable[Array] = ()) -> "Room":
+        """Return the room for what reaches so far from a place; zones so near to a beginning stay."""
+        low_m, high_m, begins_m = np.array(self.min_m) + by_m, np.array(self.max_m) - by_m, [*begins_m]
         zones = {name: structs.replace(z, margin_m=z.margin_m + by_m) for name, z in self.zones.items()}
+        for name, zone in self.zones.items():
+            if any(entered(zones[name], at_m[None, :3]) is not None for at_m in begins_m):
+                zones[name] = zone
         return replace(self, min_m=three(low_m), max_m=three(high_m), zones=zones)
 
     def with_beside(self, offsets_m: Iterable[Array]) -> "Room":

@@ -106,8 +106,9 @@ class TrajectoryRequests:
         return True
 
     def _problem(self, path: FlightPath, until_s: float, check: RoomCheck) -> str | None:
-        """Return why the first part of a path cannot be flown; None if it can."""
-        return check(places_along(path, 0.0, until_s)) or path_problem(path, self.pilot.model, until_s)
+        """Return why a path leads through a zone, or its first part exceeds limits; None if neither."""
+        way = places_along(path, 0.0, path.duration_s)
+        return check(way) or path_problem(path, self.pilot.model, until_s)
 
 
 MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between

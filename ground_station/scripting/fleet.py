@@ -384,8 +384,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """
         from rcopterx.ground_station.scripting.homing import fly_home  # Few programs come home.
 
-        self.wait_for_status(names := None if names is None else self._named(names))
-        fly_home(self, self._vehicles, self.present() if names is None else names, self.land)
+        self.wait_for_status()  # of all vehicles: also of those that follow, or are in the way
+        fly_home(self, self._vehicles, self.present() if names is None else self._named(names), self.land)
 
 
 @contextmanager

@@ -26,13 +26,15 @@ def way_round(fleet: Observer, name: str, aim: Four) -> FlightPath | None:
 
     None if no zone does, or there is no way. Other vehicles have to be avoided only where they are now.
     """
+    fleet.wait_for_status()  # of all vehicles: of followers, too, and of others in the way
     statuses = fleet.statuses()
     if name not in statuses or (here_m := statuses[name].position_m) is None:
         return None
     links, heads = formation_of(statuses)
     where, along = places(links, heads), followers(links, name)
-    offsets_m = [(where[other] - where[name])[:3] for other in along if other in where]
-    room = present_room(fleet, name).shrunk(ROUND_M).with_beside(offsets_m)
+    moved_m = [where[other] for other in (name, *along) if other in where]
+    room = present_room(fleet, name).shrunk(ROUND_M, [*moved_m, np.array(here_m)])
+    room = room.with_beside((at_m - where[name])[:3] for at_m in moved_m[1:])
     present, end = np.array([*here_m, statuses[name].set_point.yaw_rad]), np.array(aim)
     if room.barred(np.array([present, end])) is None or room.outside(end) is not None:
         return None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from rcopterx.bus.messages import Zone
 from rcopterx.formation.placement import Room, entered
@@ -59,6 +60,14 @@ def test_a_way_that_comes_into_a_zone_is_found_where_it_does_and_no_other(zone: 
 
 
 @given(zones(), ways)
+def test_a_way_that_begins_in_the_margin_does_not_lead_through_the_zone(zone: Zone, way: Array) -> None:
+    depths = depth_m(replace(zone, margin_m=0.0), finely(way))
+    begins_in = np.logical_and.accumulate(depths > 0.0)
+    if entered(zone, way) is None:
+        assert (depths[~begins_in] < SURELY_M).all()
+
+
+@given(zones(), ways)
 def test_a_way_and_its_reverse_meet_the_same_zones_if_they_begin_and_end_outside(
     zone: Zone, way: Array
 ) -> None:
@@ -75,6 +84,26 @@ def test_a_way_may_lead_out_of_a_zone_but_not_back_into_it(shape: str) -> None:
     assert entered(zone, back) == pytest.approx((0.2, 0.0, 0.5), abs=SURELY_M)
     assert entered(zone, out[:1]) == pytest.approx(out[0])
     assert entered(zone, out[[0, 0]]) is not None
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_way_out_of_the_margin_leads_away_from_the_zone_or_along_it_and_not_through_it(shape: str) -> None:
+    zone = Zone(min_m=(-0.2, -0.2, 0.0), max_m=(0.2, 0.2, 1.0), shape=shape)
+    begin = (-0.3, 0.0, 0.5)
+    assert entered(zone, np.array([begin, (-1.0, 0.0, 0.5)])) is None
+    assert entered(zone, np.array([begin, (-0.3, 1.0, 0.5)])) is None
+    assert entered(zone, np.array([begin, (1.0, 0.0, 0.5)])) == pytest.approx((-0.2, 0.0, 0.5), abs=SURELY_M)
+
+
+def test_only_zones_that_no_way_begins_beside_become_larger_as_a_room_shrinks() -> None:
+    zone = Zone(min_m=(-0.2, -0.2, 0.0), max_m=(0.2, 0.2, 1.0))
+    far = replace(zone, min_m=(-2.0, -0.2, 0.0), max_m=(-1.6, 0.2, 1.0))
+    room = Room((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0), zones={"near": zone, "far": far})
+    shrunk = room.shrunk(0.1, [np.array((0.45, 0.0, 0.5))])
+    assert shrunk.max_m == pytest.approx((2.9, 2.9, 1.9))
+    assert {name: zone.margin_m for name, zone in shrunk.zones.items()} == pytest.approx(
+        {"near": 0.2, "far": 0.3}
+    )
 
 
 def test_the_corner_of_a_box_is_beside_the_cylinder_in_it() -> None:

@@ -4,9 +4,10 @@ import threading
 from collections.abc import Callable, Iterable
 
 import pytest
-from support.scripted import ScriptedVehicle, put
+from support.scripted import ScriptedVehicle, patient_fleet, put
 from support.waiting import wait_for
 
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import Arm, TakeOff
 from rcopterx.bus.session import (
     Incoming,
@@ -39,6 +40,22 @@ def test_vehicles_hold_where_they_are_if_one_refuses_its_way_home(fleet: Fleet, 
     for vehicle in vehicles.values():
         assert vehicle.verbs == ["Lead", "Fly", "Lead"]
         assert vehicle.phase == "flying"
+
+
+def test_a_follower_whose_status_comes_late_holds_as_the_one_vehicle_that_is_called_home_leaves(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    put(vehicles, fleet, "flying")
+    h1, h2 = vehicles["h1"], vehicles["h2"]
+    h2.following = h2.assigned = (LeaderLink(leader="h1", offset_m=(-1.0, 0.0, 0.0)),)
+    h1.position_m, h2.position_m, h2.speaks = (0.5, 0.0, 1.0), (-0.5, 0.0, 1.0), False
+    wait_for(lambda: "h2" not in fleet.statuses(), "h2 is not silent")
+    late = threading.Timer(0.3, setattr, (h2, "speaks", True))
+    with patient_fleet(fleet.file) as joined:
+        late.start()
+        joined.home(["h1"])
+    assert h2.verbs == ["Lead"]
+    assert (h1.phase, h2.phase) == ("ground", "flying")
 
 
 def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicles: Vehicles) -> None:

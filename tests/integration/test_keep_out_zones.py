@@ -55,7 +55,7 @@ def fly_round(flying: Flying, example: dict[str, Any]) -> None:
     flying.fleet.wait_until(lambda: on_floor(truth, "h1") and on_floor(truth, "h2"), 5, "not down")
 
 
-def test_a_zone_set_onto_a_follower_moves_no_vehicle_and_the_formation_flies_out_of_it(
+def test_a_zone_set_onto_a_vehicle_moves_none_and_they_fly_out_of_it_also_home(
     fly: Callable[..., None],
 ) -> None:
     fly(fly_out, fleet_text())
@@ -81,5 +81,8 @@ def fly_out(flying: Flying) -> None:
     fleet.wait_for_arrival()
     fleet.wait_for_formation()
     assert not fleet.state_of("h2").agent.diagnostics.remarks  # type: ignore[union-attr]
-    fleet.set_zone("visitor", None)
-    fleet.land()
+    place_m = fleet.state_of("h1").place_m
+    assert place_m is not None
+    x, y, _ = place_m
+    fleet.set_zone("visitor", Zone(min_m=(x - 0.1, y - 0.1, 0.0), max_m=(x + 0.1, y + 0.1, 1.9)))
+    fleet.home()

@@ -70,6 +70,16 @@ def test_a_vehicle_that_was_blown_into_a_zone_may_leave_it(bench: HandlerBench) 
     assert bench.ask(go_to(0.0, 0.2, 1.0)).refusal is None
 
 
+def test_a_trajectory_may_lead_out_of_a_zone_that_was_set_onto_the_vehicle_but_not_end_in_it() -> None:
+    bench = bench_with((-0.1, 0.0, 0.0), (0.3, 0.4, 1.9))
+    bench.fly()
+    x, y, z = UP
+    for end_x, refused in ((-0.8, False), (x + 0.1, True)):
+        way = through([(0.0, x, y, z, 0.0), (5.0, end_x, y, z, 0.0)])
+        refusal = bench.ask(Fly(knots=FloatArray.of(way.knots))).refusal
+        assert (refusal is not None) is refused, refusal
+
+
 @pytest.mark.parametrize(
     ("leader_m", "offset_m", "refused"),
     [

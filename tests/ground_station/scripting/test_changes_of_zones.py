@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support.statuses import hovering
 
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Zone, ZoneSet
@@ -29,6 +30,7 @@ class Agents:
     def __init__(self, zones: dict[str, Zone], **statuses: AgentStatus) -> None:
         self.zones = ZoneSet(revision=4, zones=zones)
         self.known = statuses or {name: hovering((0.0, 0.0, 1.0)) for name in TRIO.vehicles}
+        self.joined = True  # False until the first statuses have arrived
         self.answers: dict[str, Reply | None] = {}
         self.sent: dict[str, ZoneSet] = {}
 
@@ -44,7 +46,10 @@ class Agents:
         return reply
 
     def statuses(self) -> dict[str, AgentStatus]:
-        return self.known
+        return self.known if self.joined else {}
+
+    def wait_for_status(self) -> None:
+        self.joined = True
 
 
 def test_every_agent_gets_the_whole_set_with_the_next_revision() -> None:
@@ -108,6 +113,21 @@ def test_a_way_round_a_pillar_keeps_its_margin_also_with_a_follower_beside_it() 
     assert entered(PILLAR, both) is None
     assert entered(PILLAR, both + np.array((0.0, 0.5, 0.0))) is None
     assert not np.array_equal(alone, both)
+
+
+def test_a_program_that_has_just_joined_waits_for_statuses_before_it_plans_a_way() -> None:
+    fleet = Agents({"pillar": PILLAR}, h1=hovering((0.0, 0.0, 1.0)))
+    fleet.joined = False
+    assert way_of(fleet, 1.0) is not None
+
+
+@pytest.mark.parametrize("beside_m", [0.0, 0.01, 0.1])
+def test_a_way_that_begins_at_or_in_the_margin_does_not_lead_through_the_pillar(beside_m: float) -> None:
+    x = PILLAR.min_m[0] - PILLAR.margin_m - 0.01 + beside_m
+    way = way_of(Agents({"pillar": PILLAR}, h1=hovering((x, 0.0, 1.0))), 1.0)
+    assert way is not None
+    assert entered(PILLAR, way) is None
+    assert entered(replace(PILLAR, margin_m=0.0), way) is None
 
 
 def test_there_is_no_way_round_without_a_zone_in_the_way_or_to_a_place_in_one() -> None:
