@@ -1,6 +1,6 @@
 """Refusal of places and ways that leave the volume, enter a zone, or are too close to another vehicle."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -30,8 +30,13 @@ def entered(zone: Zone, way_m: Array) -> Array | None:
     """
     low_m, high_m = np.array(zone.min_m), np.array(zone.max_m)
     reach_m = zone.margin_m - TOLERANCE_M
-    if np.any(way_m.max(axis=0) < low_m - reach_m) or np.any(way_m.min(axis=0) > high_m + reach_m):
-        return None  # most ways, at once: a leader tries those of all followers within a control period
+    # Only steps near the zone count: a leader tries the ways of all followers within a control period.
+    ends_m = np.vstack((way_m[1:], way_m[-1:]))
+    below, above = np.minimum(way_m, ends_m) <= high_m + reach_m, np.maximum(way_m, ends_m) >= low_m - reach_m
+    near = np.flatnonzero(np.all(below & above, axis=1))
+    if not len(near):
+        return None
+    way_m = way_m[near[0] : near[-1] + 2]
     passed_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1)))
     along_m = np.linspace(0.0, passed_m[-1], 2 + int(passed_m[-1] / EVERY_M))
     places_m = np.column_stack([np.interp(along_m, passed_m, axis_m) for axis_m in way_m.T])
@@ -53,9 +58,9 @@ class Room:
     minimum_distance_m: float | None = 0.3  # smallest distance between two vehicles; None for no limit
     zones: Mapping[str, Zone] = field(default_factory=dict)  # keep-out zones by name
 
-    def shrunk(self, by_m: float, begins_m: Iterable[Array] = ()) -> "Room":
+    def shrunk(self, by_m: float, begins_m: Sequence[Array] = ()) -> "Room":
         """Return the room for what reaches so far from a place; zones so near to a beginning stay."""
-        low_m, high_m, begins_m = np.array(self.min_m) + by_m, np.array(self.max_m) - by_m, [*begins_m]
+        low_m, high_m = np.array(self.min_m) + by_m, np.array(self.max_m) - by_m
         zones = {name: structs.replace(z, margin_m=z.margin_m + by_m) for name, z in self.zones.items()}
         for name, zone in self.zones.items():
             if any(entered(zones[name], at_m[None, :3]) is not None for at_m in begins_m):
@@ -124,12 +129,11 @@ class PresentRoom:
         return True
 
 
-def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> str | None:
+def offset_problem(name: str, following: tuple[LeaderLink, ...], room: Room) -> str | None:
     """Return why an offset is too small; None if it is not, and for several leaders, whose places count."""
-    links = tuple(following)
-    if len(links) != 1:
+    if len(following) != 1:
         return None
-    return room.too_close(name, np.array(links[0].offset_m), links[0].leader, np.zeros(3))
+    return room.too_close(name, np.array(following[0].offset_m), following[0].leader, np.zeros(3))
 
 
 def place_problem(

@@ -98,11 +98,8 @@ class TrajectoryRequests:
             guidance.fly(whole, time_s)
         else:
             problem = f"on the way to its beginning, {problem}"
-        incoming.answer(
-            reply_of(
-                problem, f"{whole.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
-            )
-        )
+        accepted = f"{whole.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
+        incoming.answer(reply_of(problem, accepted))
         return True
 
     def _problem(self, path: FlightPath, until_s: float, check: RoomCheck) -> str | None:

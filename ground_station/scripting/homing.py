@@ -71,7 +71,7 @@ def _ways(fleet: Observer, flying: Sequence[str]) -> dict[str, FlightPath]:
     avoidance, statuses = fleet.file.avoidance, fleet.statuses()
     if missing := [name for name in flying if name not in statuses]:
         raise RefusedError(f"{', '.join(missing)}: the agent is silent")
-    begins_m = (np.array(statuses[name].set_point.position_m) for name in flying)
+    begins_m = [np.array(statuses[name].set_point.position_m) for name in flying]
     room = present_room(fleet).shrunk(INSIDE_M, begins_m)
     present, homes_m = {}, {}
     for name in flying:

@@ -39,8 +39,7 @@ def way_round(fleet: Observer, name: str, aim: Four) -> FlightPath | None:
     if room.barred(np.array([present, end])) is None or room.outside(end) is not None:
         return None
     others_m = [place[:3] for other, place in where.items() if other not in (name, *along)]
-    avoidance = fleet.file.avoidance
-    half_axes_m = avoidance.horizontal_m, avoidance.vertical_m
+    half_axes_m = fleet.file.avoidance.horizontal_m, fleet.file.avoidance.vertical_m
     return ways_to({name: end}, {name: present}, others_m, room, half_axes_m).get(name)
 
 
